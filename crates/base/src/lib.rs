@@ -1,0 +1,25 @@
+//! The nouns every pass shares: color, ray, component, pixel grid, random stream, fingerprint.
+//!
+//! Everything here is plain data and pure functions. Nothing touches a file, a clock or a thread.
+
+mod color;
+mod component;
+mod fingerprint;
+mod frame;
+mod grid;
+pub mod math;
+mod octahedral;
+mod random;
+mod ray;
+mod sobol;
+pub mod warp;
+
+pub use color::Rgb;
+pub use component::{Component, Components};
+pub use fingerprint::{Fingerprint, FingerprintBuilder, Inventory};
+pub use frame::Frame;
+pub use grid::{Grid, ImageSize, Pixel};
+pub use octahedral::{decode_octahedral, encode_octahedral};
+pub use random::{Rng, Stream, hash_u64};
+pub use ray::Ray;
+pub use sobol::{OwenSobol, SOBOL_DIMENSIONS};
