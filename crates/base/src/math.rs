@@ -28,6 +28,12 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     libm::atan2f(y, x)
 }
 
+/// Angle of the point `(x, y)` in radians, in double precision.
+#[inline]
+pub fn atan2_f64(y: f64, x: f64) -> f64 {
+    libm::atan2(y, x)
+}
+
 /// `e` to the power `x`.
 #[inline]
 pub fn exp(x: f32) -> f32 {

@@ -1,1 +1,18 @@
-//! (skeleton)
+//! Surfaces in, nearest hit out.
+//!
+//! Triangles and spheres lie in one compressed eight-wide BVH (obvhs, behind [`Accel`]). The triangle test is
+//! watertight, and a ray that leaves a surface starts at an origin moved by a bound on the rounding errors
+//! ([`Surface::leave`]): there is no absolute epsilon, so scenes of any size and place behave the same.
+//!
+//! Only this crate names obvhs.
+
+mod accel;
+mod bounds;
+mod mesh;
+mod primitive;
+mod surface;
+
+pub use accel::{Accel, Hit};
+pub use bounds::Bounds;
+pub use mesh::{MaterialId, Mesh, Sphere};
+pub use surface::Surface;

@@ -1,1 +1,22 @@
-//! (skeleton)
+//! The world, read once, then immutable: surfaces, materials, lights, camera.
+//!
+//! A scene file describes the world only; every quality setting is a flag of a program. Units are the author's, as long
+//! as they agree; y is up by convention only. Colors are linear Rec. 709.
+//!
+//! Only this crate reads scene files, and only it names tobj.
+
+mod area_light;
+mod camera;
+mod fresnel;
+mod light;
+mod material;
+mod polygon;
+mod world;
+
+pub use area_light::AreaLight;
+pub use camera::{Camera, FovAxis};
+pub use fresnel::{fresnel_conductor, fresnel_dielectric};
+pub use light::{Emission, Light, LightKind, LightSample, Spot, Toward};
+pub use material::{Material, Specular, SpecularBounce, Transport};
+pub use polygon::polygon_irradiance;
+pub use world::{Parts, Scene};

@@ -1,0 +1,45 @@
+//! The place on a surface where a ray has arrived.
+
+use glam::Vec3A;
+
+use crate::MaterialId;
+
+/// A point of a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// Where it is: computed from the surface, not along the ray.
+    pub position: Vec3A,
+    /// Unit normal of the true surface, on its front side.
+    pub geometric_normal: Vec3A,
+    /// Unit normal for shading, never behind the true surface: `dot(geometric_normal) > 0`.
+    pub shading_normal: Vec3A,
+    /// What it is made of.
+    pub material: MaterialId,
+    /// The mesh or sphere it belongs to; meshes come first.
+    pub object: u32,
+    /// How far `position` may lie from the true surface, and a ray's test of that surface err, in world units.
+    pub error: f32,
+}
+
+impl Surface {
+    /// The origin of a ray that leaves towards `dir`, moved off the surface by as much as rounding can have moved it in.
+    #[inline]
+    pub fn leave(&self, dir: Vec3A) -> Vec3A {
+        let side = 1.0_f32.copysign(dir.dot(self.geometric_normal));
+        self.position + self.geometric_normal * (self.error * side)
+    }
+
+    /// The same point with both normals on the side of `dir`.
+    #[inline]
+    pub fn facing(&self, dir: Vec3A) -> Self {
+        if dir.dot(self.geometric_normal) < 0.0 {
+            Self {
+                geometric_normal: -self.geometric_normal,
+                shading_normal: -self.shading_normal,
+                ..*self
+            }
+        } else {
+            *self
+        }
+    }
+}

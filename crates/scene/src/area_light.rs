@@ -1,0 +1,176 @@
+//! Emissive surfaces: parallelograms and triangles of one radiance.
+
+use base::{Frame, Rgb, math::PI, warp};
+use glam::{Vec2, Vec3, Vec3A};
+
+use crate::light::{Emission, LightSample, Toward};
+use crate::polygon_irradiance;
+
+/// How many pieces a light may have for its unshadowed irradiance to be summed in closed form.
+const MAX_CLOSED_FORM_PIECES: usize = 32;
+
+/// A set of flat pieces that emit the same radiance from their front sides, diffusely.
+#[derive(Clone, Debug)]
+pub struct AreaLight {
+    pieces: Vec<Piece>,
+    /// Share of the area that lies before the end of each piece.
+    cumulative: Vec<f32>,
+    area: f32,
+    radiance: Rgb,
+}
+
+/// A parallelogram with corners `corner + {0, 1} a + {0, 1} b`, or half of it.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    corner: Vec3,
+    a: Vec3,
+    b: Vec3,
+    is_triangle: bool,
+    normal: Vec3A,
+    /// See [`geometry::Surface::error`].
+    error: f32,
+}
+
+impl Piece {
+    fn new(corner: Vec3, a: Vec3, b: Vec3, is_triangle: bool) -> Self {
+        let normal = a.cross(b).normalize();
+        let largest = [corner, corner + a, corner + b, corner + a + b].map(Vec3::abs);
+        let largest = largest.into_iter().reduce(Vec3::max).unwrap_or(Vec3::ZERO);
+        let error = normal.abs().dot(largest) * (8.0 * f32::EPSILON);
+        Self { corner, a, b, is_triangle, normal: normal.into(), error }
+    }
+
+    fn area(&self) -> f32 {
+        self.a.cross(self.b).length() * if self.is_triangle { 0.5 } else { 1.0 }
+    }
+
+    fn point(&self, u: Vec2) -> Vec3A {
+        let w = if self.is_triangle { warp::uniform_triangle(u) } else { u };
+        Vec3A::from(self.corner) + Vec3A::from(self.a) * w.x + Vec3A::from(self.b) * w.y
+    }
+
+    fn corners(&self) -> ([Vec3; 4], usize) {
+        let (o, a, b) = (self.corner, self.corner + self.a, self.corner + self.b);
+        if self.is_triangle { ([o, a, b, o], 3) } else { ([o, a, a + self.b, b], 4) }
+    }
+
+    /// Whether the point is in front, by more than rounding could have put it there.
+    fn faces(&self, point: Vec3A) -> bool {
+        (point - Vec3A::from(self.corner)).dot(self.normal) > 2.0 * self.error
+    }
+}
+
+impl AreaLight {
+    /// The light of all given triangles. Two triangles in a row that form a parallelogram become one piece.
+    pub fn new(triangles: &[[Vec3; 3]], radiance: Rgb) -> Self {
+        let mut pieces = Vec::new();
+        let mut rest = triangles;
+        while let [first, tail @ ..] = rest {
+            let parallelogram = tail.first().and_then(|second| join(first, second));
+            pieces.push(parallelogram.unwrap_or_else(|| {
+                Piece::new(first[0], first[1] - first[0], first[2] - first[0], true)
+            }));
+            rest = if parallelogram.is_some() { &tail[1..] } else { tail };
+        }
+        let area: f64 = pieces.iter().map(|p| f64::from(p.area())).sum();
+        let mut before = 0.0;
+        let cumulative = pieces
+            .iter()
+            .map(|p| {
+                before += f64::from(p.area());
+                (before / area) as f32
+            })
+            .collect();
+        Self { pieces, cumulative, area: area as f32, radiance }
+    }
+
+    /// Total area, in square units of length.
+    pub fn area(&self) -> f32 {
+        self.area
+    }
+
+    /// Emitted radiance.
+    pub fn radiance(&self) -> Rgb {
+        self.radiance
+    }
+
+    /// Emitted flux: pi A L.
+    pub fn flux(&self) -> Rgb {
+        self.radiance * (PI * self.area)
+    }
+
+    /// A piece, chosen by area, and `u` made uniform again.
+    fn pick(&self, u: f32) -> (&Piece, f32) {
+        if self.pieces.len() == 1 {
+            return (&self.pieces[0], u);
+        }
+        let i = self.cumulative.partition_point(|&c| c <= u).min(self.pieces.len() - 1);
+        let low = if i == 0 { 0.0 } else { self.cumulative[i - 1] };
+        let width = self.cumulative[i] - low;
+        let u = if width > 0.0 { (u - low) / width } else { 0.5 };
+        (&self.pieces[i], u.clamp(0.0, 1.0 - f32::EPSILON))
+    }
+
+    /// A photon's start: uniform in position, cosine-distributed in direction.
+    pub(crate) fn emit(&self, u: [f32; 4]) -> Emission {
+        let (piece, x) = self.pick(u[0]);
+        let dir = Frame::new(piece.normal)
+            .to_world(warp::cosine_hemisphere(Vec2::new(u[2], u[3])))
+            .normalize();
+        let origin = piece.point(Vec2::new(x, u[1])) + piece.normal * piece.error;
+        Emission { origin, dir }
+    }
+
+    /// Unshadowed irradiance, if there are few enough pieces for a sum in closed form.
+    pub(crate) fn irradiance(&self, point: Vec3A, normal: Vec3A) -> Option<Rgb> {
+        if self.pieces.len() > MAX_CLOSED_FORM_PIECES {
+            return None;
+        }
+        let mut sum = 0.0;
+        for piece in self.pieces.iter().filter(|p| p.faces(point)) {
+            let (corners, n) = piece.corners();
+            sum += polygon_irradiance(point, normal, &corners[..n]);
+        }
+        Some(self.radiance * sum)
+    }
+
+    /// One point, uniform by area.
+    pub(crate) fn sample(&self, point: Vec3A, normal: Vec3A, u: Vec2) -> Option<LightSample> {
+        let (piece, x) = self.pick(u.x);
+        if !piece.faces(point) {
+            return None;
+        }
+        let target = piece.point(Vec2::new(x, u.y));
+        let to_light = target - point;
+        let (cos, cos_light) = (to_light.dot(normal), -to_light.dot(piece.normal));
+        if cos <= 0.0 || cos_light <= 0.0 {
+            return None;
+        }
+        let distance2 = to_light.length_squared();
+        Some(LightSample {
+            toward: Toward::Point(target + piece.normal * piece.error),
+            irradiance: self.radiance * (cos * cos_light * self.area / (distance2 * distance2)),
+        })
+    }
+}
+
+/// The parallelogram made of two triangles that share an edge, if they make one.
+fn join(first: &[Vec3; 3], second: &[Vec3; 3]) -> Option<Piece> {
+    // The corner of `second` that `first` lacks is opposite to one of its corners.
+    let fourth = second.iter().find(|&p| !first.contains(p))?;
+    if second.iter().filter(|&p| first.contains(p)).count() != 2 {
+        return None;
+    }
+    (0..3).find_map(|i| {
+        let (corner, next, previous) = (first[i], first[(i + 1) % 3], first[(i + 2) % 3]);
+        let expected = next + previous - corner;
+        let size = (next - corner).length() + (previous - corner).length();
+        let same_side = {
+            let normal = |t: &[Vec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
+            normal(first).dot(normal(second)) > 0.0
+        };
+        let fits =
+            same_side && !second.contains(&corner) && (expected - *fourth).length() <= 1e-6 * size;
+        fits.then(|| Piece::new(corner, next - corner, previous - corner, false))
+    })
+}

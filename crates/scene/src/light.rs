@@ -1,0 +1,225 @@
+//! Everything that emits light.
+
+use base::{Frame, Rgb, math::PI, warp};
+use geometry::Bounds;
+use glam::{Vec2, Vec3A};
+
+use crate::AreaLight;
+
+/// A light. Each has its own photons and, at a surface point, its own visibility.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// The name in the scene file, or that of the mesh that emits.
+    pub name: String,
+    /// What it is.
+    pub kind: LightKind,
+}
+
+/// The kinds of light. A new kind needs an arm in each function of [`Light`], its digest in `world.rs`, its keys in
+/// the scene file, and a row in the tests of light transport.
+#[derive(Clone, Debug)]
+pub enum LightKind {
+    /// Emissive surfaces.
+    Area(AreaLight),
+    /// The same intensity in all directions.
+    Point {
+        /// Where it is.
+        position: Vec3A,
+        /// Radiant intensity, W/sr.
+        intensity: Rgb,
+    },
+    /// A cone of light.
+    Spot(Spot),
+    /// Parallel light.
+    Directional {
+        /// Unit direction in which the light travels.
+        direction: Vec3A,
+        /// Irradiance on a surface perpendicular to it.
+        irradiance: Rgb,
+    },
+    /// The same radiance from everywhere beyond the scene.
+    Environment {
+        /// Radiance.
+        radiance: Rgb,
+    },
+}
+
+/// A point that shines into a cone: full intensity up to one angle, none beyond another, smoothstep of the cosine
+/// between.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// Where it is.
+    pub position: Vec3A,
+    /// Unit vector along the axis.
+    pub direction: Vec3A,
+    /// Radiant intensity along the axis, W/sr.
+    pub intensity: Rgb,
+    /// Cosine of the angle beyond which it is dark.
+    pub cos_outer: f32,
+    /// Cosine of the angle up to which it has full intensity; at least `cos_outer`.
+    pub cos_inner: f32,
+}
+
+impl Spot {
+    /// Share of the intensity at an angle to the axis.
+    pub fn falloff(&self, cos: f32) -> f32 {
+        if cos >= self.cos_inner {
+            1.0
+        } else if cos <= self.cos_outer {
+            0.0
+        } else {
+            let x = (cos - self.cos_outer) / (self.cos_inner - self.cos_outer);
+            x * x * (3.0 - 2.0 * x)
+        }
+    }
+
+    /// Solid angle of the full cone, and that of the rest weighted by the falloff.
+    fn solid_angles(&self) -> (f32, f32) {
+        (2.0 * PI * (1.0 - self.cos_inner), PI * (self.cos_inner - self.cos_outer))
+    }
+
+    /// A direction with density proportional to the falloff.
+    fn emit(&self, u: Vec2) -> Vec3A {
+        let (inner, outer) = self.solid_angles();
+        let share = inner / (inner + outer);
+        let cos = if u.x < share {
+            1.0 - (u.x / share) * (1.0 - self.cos_inner)
+        } else {
+            let x = warp::smoothstep(((u.x - share) / (1.0 - share)).clamp(0.0, 1.0));
+            self.cos_outer + x * (self.cos_inner - self.cos_outer)
+        };
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let (s, c) = base::math::sin_cos(2.0 * PI * u.y);
+        Frame::new(self.direction).to_world(Vec3A::new(sin * c, sin * s, cos)).normalize()
+    }
+}
+
+/// Where a photon starts.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Origin of its ray.
+    pub origin: Vec3A,
+    /// Unit direction of its ray.
+    pub dir: Vec3A,
+}
+
+/// Where a shadow ray goes.
+#[derive(Clone, Copy, Debug)]
+pub enum Toward {
+    /// To a point just before the surface of the light.
+    Point(Vec3A),
+    /// Out of the scene, along a unit vector.
+    Direction(Vec3A),
+}
+
+/// One sample of a light as seen from a surface point.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Where the shadow ray goes.
+    pub toward: Toward,
+    /// Estimate of the unshadowed irradiance from this one sample, cosine included.
+    pub irradiance: Rgb,
+}
+
+impl Light {
+    /// Emitted flux in watts; for lights beyond the scene, what passes the sphere around it.
+    pub fn flux(&self, bounds: &Bounds) -> Rgb {
+        let radius = bounds.diagonal() * 0.5;
+        match &self.kind {
+            LightKind::Area(light) => light.flux(),
+            LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
+            LightKind::Spot(spot) => {
+                let (inner, outer) = spot.solid_angles();
+                spot.intensity * (inner + outer)
+            }
+            LightKind::Directional { irradiance, .. } => *irradiance * (PI * radius * radius),
+            LightKind::Environment { radiance } => *radiance * (4.0 * PI * PI * radius * radius),
+        }
+    }
+
+    /// The start of a photon, from four uniform numbers. The density is that of the emitted flux, so that all photons
+    /// of a light carry the same.
+    pub fn emit(&self, bounds: &Bounds, u: [f32; 4]) -> Emission {
+        // A disc before the sphere around the scene, perpendicular to the direction.
+        let from_beyond = |dir: Vec3A, u: Vec2| {
+            let radius = bounds.diagonal() * 0.5;
+            let disc = warp::uniform_disc(u) * radius;
+            let frame = Frame::new(dir);
+            let origin =
+                Vec3A::from(bounds.center()) + frame.s * disc.x + frame.t * disc.y - dir * radius;
+            Emission { origin, dir }
+        };
+        match &self.kind {
+            LightKind::Area(light) => light.emit(u),
+            LightKind::Point { position, .. } => Emission {
+                origin: *position,
+                dir: warp::uniform_sphere(Vec2::new(u[0], u[1])).normalize(),
+            },
+            LightKind::Spot(spot) => {
+                Emission { origin: spot.position, dir: spot.emit(Vec2::new(u[0], u[1])) }
+            }
+            LightKind::Directional { direction, .. } => {
+                from_beyond(*direction, Vec2::new(u[0], u[1]))
+            }
+            LightKind::Environment { .. } => from_beyond(
+                warp::uniform_sphere(Vec2::new(u[2], u[3])).normalize(),
+                Vec2::new(u[0], u[1]),
+            ),
+        }
+    }
+
+    /// Irradiance at a surface point if nothing were in the way, U_l; `None` where there is no closed form.
+    pub fn unshadowed_irradiance(&self, point: Vec3A, normal: Vec3A) -> Option<Rgb> {
+        match &self.kind {
+            LightKind::Area(light) => light.irradiance(point, normal),
+            LightKind::Environment { radiance } => Some(*radiance * PI),
+            _ => Some(self.sample(point, normal, Vec2::ZERO).map_or(Rgb::BLACK, |s| s.irradiance)),
+        }
+    }
+
+    /// Whether all shadow rays from a point go the same way, so that one tells everything.
+    pub fn is_delta(&self) -> bool {
+        !matches!(self.kind, LightKind::Area(_) | LightKind::Environment { .. })
+    }
+
+    /// One direction towards the light; `None` if the light sends nothing that way.
+    pub fn sample(&self, point: Vec3A, normal: Vec3A, u: Vec2) -> Option<LightSample> {
+        let from_point = |position: Vec3A, intensity: &dyn Fn(Vec3A) -> Rgb| {
+            let to_light = position - point;
+            let distance2 = to_light.length_squared();
+            let cos = to_light.dot(normal);
+            (cos > 0.0 && distance2 > 0.0).then(|| {
+                let distance = distance2.sqrt();
+                let irradiance = intensity(-to_light / distance) * (cos / (distance2 * distance));
+                LightSample { toward: Toward::Point(position), irradiance }
+            })
+        };
+        let sample = match &self.kind {
+            LightKind::Area(light) => light.sample(point, normal, u),
+            LightKind::Point { position, intensity } => from_point(*position, &|_| *intensity),
+            LightKind::Spot(spot) => from_point(spot.position, &|dir| {
+                spot.intensity * spot.falloff(dir.dot(spot.direction))
+            }),
+            LightKind::Directional { direction, irradiance } => {
+                let cos = -direction.dot(normal);
+                (cos > 0.0).then(|| LightSample {
+                    toward: Toward::Direction(-*direction),
+                    irradiance: *irradiance * cos,
+                })
+            }
+            LightKind::Environment { radiance } => {
+                let dir = Frame::new(normal).to_world(warp::cosine_hemisphere(u)).normalize();
+                Some(LightSample { toward: Toward::Direction(dir), irradiance: *radiance * PI })
+            }
+        };
+        sample.filter(|s| !s.irradiance.is_black())
+    }
+
+    /// Radiance of what lies beyond the scene.
+    pub fn environment_radiance(&self) -> Rgb {
+        match self.kind {
+            LightKind::Environment { radiance } => radiance,
+            _ => Rgb::BLACK,
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! What surfaces are made of: a diffuse part and a specular part, Eq. (6), and emission.
+
+use base::{Rgb, math};
+use geometry::Surface;
+use glam::Vec3A;
+
+use crate::{fresnel_conductor, fresnel_dielectric};
+
+/// A material. Diffuse and specular parts add up; the reader of scenes sees to it that they don't create energy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// The name in the scene file.
+    pub name: String,
+    /// Diffuse albedo, `pi f_d` of Eq. (6), in [0, 1]; the same on both sides.
+    pub albedo: Rgb,
+    /// The specular part.
+    pub specular: Specular,
+    /// Radiance emitted by the front side, L_e of Eq. (4).
+    pub emission: Rgb,
+}
+
+/// Perfectly sharp scattering, f_s of Eq. (6). A new kind needs its arm in [`Material::specular_bounces`], its digest in
+/// `world.rs`, its keys in the scene file, and its row in the tests of `material.rs`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Specular {
+    /// No specular part.
+    None,
+    /// The same reflectance at every angle, on both sides.
+    Mirror {
+        /// In [0, 1].
+        reflectance: Rgb,
+    },
+    /// A smooth conductor.
+    Metal {
+        /// Real part of the index of refraction.
+        eta: Rgb,
+        /// Imaginary part.
+        k: Rgb,
+    },
+    /// A smooth dielectric, of which the front side is the outside.
+    Glass {
+        /// Index of refraction of the inside relative to the outside.
+        ior: f32,
+        /// Absorption coefficient inside, per unit of length: radiance falls by `exp(-absorption * t)`.
+        absorption: Rgb,
+    },
+}
+
+/// What is carried along a path: radiance is squeezed when it enters a denser medium, flux isn't.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// From the eye: weights hold the factor `(eta_i / eta_t)^2` (Veach 1997, section 5.2).
+    Radiance,
+    /// From the light.
+    Flux,
+}
+
+/// A direction in which a specular surface sends on what arrives.
+#[derive(Clone, Copy, Debug)]
+pub struct SpecularBounce {
+    /// Unit direction, away from the surface.
+    pub dir: Vec3A,
+    /// What is left of radiance or flux.
+    pub weight: Rgb,
+    /// Whether it passes through the surface.
+    pub transmitted: bool,
+}
+
+impl Material {
+    /// Emitted radiance towards `w_o`.
+    #[inline]
+    pub fn emitted(&self, surface: &Surface, w_o: Vec3A) -> Rgb {
+        if w_o.dot(surface.geometric_normal) > 0.0 { self.emission } else { Rgb::BLACK }
+    }
+
+    /// Whether the specular part scatters anything.
+    pub fn is_specular(&self) -> bool {
+        self.specular != Specular::None
+    }
+
+    /// Whether the diffuse part scatters anything.
+    #[inline]
+    pub fn is_diffuse(&self) -> bool {
+        !self.albedo.is_black()
+    }
+
+    /// The directions into which light that arrives along `-w_o` goes, or from which light towards `w_o` comes:
+    /// reflection, then transmission. `w_o` points away from the surface.
+    ///
+    /// Sides are told by the geometric normal, angles by the shading normal, unless that would send the reflection
+    /// through the surface or keep the transmission in front of it: then the geometric normal serves for both.
+    pub fn specular_bounces(
+        &self,
+        surface: &Surface,
+        w_o: Vec3A,
+        transport: Transport,
+    ) -> [Option<SpecularBounce>; 2] {
+        let front = w_o.dot(surface.geometric_normal) > 0.0;
+        let side = surface.facing(w_o);
+        let reflected_about = |n: Vec3A| n * (2.0 * n.dot(w_o)) - w_o;
+        let n_g = side.geometric_normal;
+        let mut n = side.shading_normal;
+        if n.dot(w_o) <= 0.0 || reflected_about(n).dot(n_g) <= 0.0 {
+            n = n_g;
+        }
+        let reflection = |n: Vec3A, weight: Rgb| SpecularBounce {
+            dir: reflected_about(n).normalize(),
+            weight,
+            transmitted: false,
+        };
+        match self.specular {
+            Specular::None => [None, None],
+            Specular::Mirror { reflectance } => [Some(reflection(n, reflectance)), None],
+            Specular::Metal { eta, k } => {
+                [Some(reflection(n, fresnel_conductor(n.dot(w_o), eta, k))), None]
+            }
+            Specular::Glass { ior, .. } => {
+                let eta = if front { ior } else { 1.0 / ior };
+                let mut refracted = refract(w_o, n, eta);
+                if refracted.is_some_and(|dir| dir.dot(n_g) >= 0.0) {
+                    n = n_g;
+                    refracted = refract(w_o, n, eta);
+                }
+                let f = fresnel_dielectric(n.dot(w_o).min(1.0), eta);
+                let squeeze = match transport {
+                    Transport::Radiance => 1.0 / (eta * eta),
+                    Transport::Flux => 1.0,
+                };
+                let transmission = refracted.map(|dir| SpecularBounce {
+                    dir,
+                    weight: Rgb::splat((1.0 - f) * squeeze),
+                    transmitted: true,
+                });
+                [Some(reflection(n, Rgb::splat(f))), transmission]
+            }
+        }
+    }
+
+    /// What is left of light after `distance` inside this material.
+    #[inline]
+    pub fn transmittance(&self, distance: f32) -> Rgb {
+        match self.specular {
+            Specular::Glass { absorption, .. } if !absorption.is_black() => {
+                absorption.map(|a| math::exp(-a * distance))
+            }
+            _ => Rgb::ONE,
+        }
+    }
+}
+
+/// Snell's law: the direction on the other side, if there is one. `eta` is that side's index relative to this one's.
+fn refract(w_o: Vec3A, n: Vec3A, eta: f32) -> Option<Vec3A> {
+    let cos_i = n.dot(w_o);
+    let sin2_t = (1.0 - cos_i * cos_i) / (eta * eta);
+    (sin2_t < 1.0).then(|| (n * (cos_i / eta - (1.0 - sin2_t).sqrt()) - w_o / eta).normalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::{Rng, Stream, warp};
+    use geometry::MaterialId;
+
+    fn surface(shading_normal: Vec3A) -> Surface {
+        Surface {
+            position: Vec3A::ZERO,
+            geometric_normal: Vec3A::Z,
+            shading_normal,
+            material: MaterialId(0),
+            object: 0,
+            error: 0.0,
+        }
+    }
+
+    fn material(specular: Specular) -> Material {
+        Material { name: "m".into(), albedo: Rgb::BLACK, specular, emission: Rgb::BLACK }
+    }
+
+    #[test]
+    fn glass_splits_all_flux_and_bends_by_snell() {
+        let glass = material(Specular::Glass { ior: 1.5, absorption: Rgb::BLACK });
+        let mut rng = Rng::new(0, Stream::Test, 1);
+        for _ in 0..10_000 {
+            let w_o = warp::uniform_sphere(rng.next_2d());
+            let [r, t] = glass.specular_bounces(&surface(Vec3A::Z), w_o, Transport::Flux);
+            let r = r.unwrap();
+            let total = r.weight.g + t.map_or(0.0, |t| t.weight.g);
+            assert!((total - 1.0).abs() < 1e-5, "{total} at {w_o}");
+            assert!((r.dir - Vec3A::new(-w_o.x, -w_o.y, w_o.z)).length() < 1e-5);
+            if let Some(t) = t {
+                let (inner, outer) = if w_o.z > 0.0 { (t.dir, w_o) } else { (w_o, t.dir) };
+                let sines = |v: Vec3A| v.truncate().length();
+                assert!(
+                    (1.5 * sines(inner.into()) - sines(outer.into())).abs() < 1e-4,
+                    "{w_o} {}",
+                    t.dir
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn shading_normals_never_send_light_to_the_wrong_side() {
+        let mut rng = Rng::new(0, Stream::Test, 2);
+        let glass = material(Specular::Glass { ior: 1.33, absorption: Rgb::BLACK });
+        let mirror = material(Specular::Mirror { reflectance: Rgb::ONE });
+        for _ in 0..20_000 {
+            let w_o = warp::uniform_sphere(rng.next_2d());
+            let n = warp::uniform_cone(rng.next_2d(), 0.2);
+            for m in [&glass, &mirror] {
+                for bounce in
+                    m.specular_bounces(&surface(n), w_o, Transport::Radiance).into_iter().flatten()
+                {
+                    let same_side = bounce.dir.z * w_o.z > 0.0;
+                    assert_eq!(
+                        same_side, !bounce.transmitted,
+                        "{w_o} about {n} gives {}",
+                        bounce.dir
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn radiance_that_goes_in_and_out_is_not_squeezed() {
+        let glass = material(Specular::Glass { ior: 1.5, absorption: Rgb::BLACK });
+        let w_o = Vec3A::new(0.6, 0.0, 0.8);
+        let into = glass.specular_bounces(&surface(Vec3A::Z), w_o, Transport::Radiance)[1].unwrap();
+        let out =
+            glass.specular_bounces(&surface(Vec3A::Z), into.dir, Transport::Radiance)[1].unwrap();
+        assert!((out.dir - w_o).length() < 1e-5);
+        let f = fresnel_dielectric(0.8, 1.5);
+        assert!(((into.weight * out.weight).g - (1.0 - f) * (1.0 - f)).abs() < 1e-5);
+    }
+}

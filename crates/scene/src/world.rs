@@ -1,0 +1,156 @@
+//! A scene put together.
+
+use base::{Fingerprint, FingerprintBuilder, Inventory, Rgb};
+use geometry::{Accel, Bounds, Mesh, Sphere, Surface};
+
+use crate::{AreaLight, Camera, Light, LightKind, Material, Specular};
+
+/// What a scene is made of, named as in its file. The reader of scene files has checked it all.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    /// The view.
+    pub camera: Camera,
+    /// Indexed by [`geometry::MaterialId`].
+    pub materials: Vec<Material>,
+    /// Named meshes. Those whose material emits become lights.
+    pub meshes: Vec<(String, Mesh)>,
+    /// Named spheres; none emits.
+    pub spheres: Vec<(String, Sphere)>,
+    /// Lights that aren't surfaces.
+    pub lights: Vec<Light>,
+}
+
+/// A scene, ready to be rendered.
+#[derive(Debug)]
+pub struct Scene {
+    /// All surfaces.
+    pub accel: Accel,
+    /// Indexed by [`geometry::MaterialId`].
+    pub materials: Vec<Material>,
+    /// All lights: emissive meshes first, then the others.
+    pub lights: Vec<Light>,
+    /// The view.
+    pub camera: Camera,
+    inventory: Inventory,
+}
+
+impl Scene {
+    /// Builds the BVH, finds the emissive meshes, and digests everything that light transport depends on.
+    pub fn assemble(parts: Parts) -> Self {
+        let inventory = inventory(&parts);
+        let Parts { camera, materials, meshes, spheres, lights } = parts;
+        let mut all_lights = area_lights(&meshes, &materials);
+        all_lights.extend(lights);
+        let meshes: Vec<Mesh> = meshes.into_iter().map(|(_, mesh)| mesh).collect();
+        let spheres: Vec<Sphere> = spheres.into_iter().map(|(_, sphere)| sphere).collect();
+        Self {
+            accel: Accel::build(&meshes, &spheres),
+            materials,
+            lights: all_lights,
+            camera,
+            inventory,
+        }
+    }
+
+    /// What a surface is made of.
+    #[inline]
+    pub fn material(&self, surface: &Surface) -> &Material {
+        &self.materials[surface.material.0 as usize]
+    }
+
+    /// The box around all surfaces.
+    pub fn bounds(&self) -> Bounds {
+        self.accel.bounds()
+    }
+
+    /// Radiance that arrives from beyond the scene.
+    pub fn background(&self) -> Rgb {
+        self.lights.iter().map(Light::environment_radiance).sum()
+    }
+
+    /// The parts that photons depend on, each with its digest: surfaces, materials and lights, but not the camera.
+    pub fn inventory(&self) -> &Inventory {
+        &self.inventory
+    }
+
+    /// A digest of the view.
+    pub fn view_fingerprint(&self) -> Fingerprint {
+        self.camera.fingerprint()
+    }
+}
+
+fn area_lights(meshes: &[(String, Mesh)], materials: &[Material]) -> Vec<Light> {
+    let mut lights = Vec::new();
+    for (name, mesh) in meshes {
+        let mut ids = mesh.materials.clone();
+        ids.sort_unstable();
+        ids.dedup();
+        for id in ids.into_iter().filter(|id| !materials[id.0 as usize].emission.is_black()) {
+            let triangles: Vec<_> =
+                (0..mesh.triangles.len()).filter(|&t| mesh.materials[t] == id).collect();
+            let triangles: Vec<_> = triangles.into_iter().map(|t| mesh.corners(t)).collect();
+            let light = AreaLight::new(&triangles, materials[id.0 as usize].emission);
+            lights.push(Light { name: name.clone(), kind: LightKind::Area(light) });
+        }
+    }
+    lights
+}
+
+fn inventory(parts: &Parts) -> Inventory {
+    let mut inventory = Inventory::new();
+    for material in &parts.materials {
+        inventory.add(format!("material `{}`", material.name), material_digest(material));
+    }
+    for (name, mesh) in &parts.meshes {
+        let mut digest = FingerprintBuilder::new();
+        digest.pod(&mesh.positions).pod(&mesh.normals).pod(mesh.triangles.as_flattened());
+        digest.pod(&mesh.materials.iter().map(|m| m.0).collect::<Vec<_>>());
+        inventory.add(format!("mesh `{name}`"), digest.finish());
+    }
+    for (name, sphere) in &parts.spheres {
+        let mut digest = FingerprintBuilder::new();
+        digest.pod(&sphere.center.to_array()).pod(&[sphere.radius]).pod(&[sphere.material.0]);
+        inventory.add(format!("sphere `{name}`"), digest.finish());
+    }
+    for light in &parts.lights {
+        inventory.add(format!("light `{}`", light.name), light_digest(light));
+    }
+    inventory
+}
+
+fn material_digest(material: &Material) -> Fingerprint {
+    let mut digest = FingerprintBuilder::new();
+    digest.pod(&[material.albedo, material.emission]);
+    match material.specular {
+        Specular::None => digest.bytes(b"none"),
+        Specular::Mirror { reflectance } => digest.bytes(b"mirror").pod(&[reflectance]),
+        Specular::Metal { eta, k } => digest.bytes(b"metal").pod(&[eta, k]),
+        Specular::Glass { ior, absorption } => {
+            digest.bytes(b"glass").pod(&[ior]).pod(&[absorption])
+        }
+    };
+    digest.finish()
+}
+
+fn light_digest(light: &Light) -> Fingerprint {
+    let mut digest = FingerprintBuilder::new();
+    match &light.kind {
+        LightKind::Area(light) => {
+            digest.bytes(b"area").pod(&[light.radiance()]).pod(&[light.area()])
+        }
+        LightKind::Point { position, intensity } => {
+            digest.bytes(b"point").pod(&position.to_array()).pod(&[*intensity])
+        }
+        LightKind::Spot(spot) => digest
+            .bytes(b"spot")
+            .pod(&spot.position.to_array())
+            .pod(&spot.direction.to_array())
+            .pod(&[spot.intensity])
+            .pod(&[spot.cos_outer, spot.cos_inner]),
+        LightKind::Directional { direction, irradiance } => {
+            digest.bytes(b"directional").pod(&direction.to_array()).pod(&[*irradiance])
+        }
+        LightKind::Environment { radiance } => digest.bytes(b"environment").pod(&[*radiance]),
+    };
+    digest.finish()
+}
