@@ -168,7 +168,7 @@ impl Light {
         }
     }
 
-    /// Irradiance at a surface point if nothing were in the way, U_l; `None` where there is no closed form.
+    /// Irradiance at a surface point if nothing were in the way, `U_l`; `None` where there is no closed form.
     pub fn unshadowed_irradiance(&self, point: Vec3A, normal: Vec3A) -> Option<Rgb> {
         match &self.kind {
             LightKind::Area(light) => light.irradiance(point, normal),

@@ -15,11 +15,11 @@ pub struct Material {
     pub albedo: Rgb,
     /// The specular part.
     pub specular: Specular,
-    /// Radiance emitted by the front side, L_e of Eq. (4).
+    /// Radiance emitted by the front side, `L_e` of Eq. (4).
     pub emission: Rgb,
 }
 
-/// Perfectly sharp scattering, f_s of Eq. (6). A new kind needs its arm in [`Material::specular_bounces`], its digest in
+/// Perfectly sharp scattering, `f_s` of Eq. (6). A new kind needs its arm in [`Material::specular_bounces`], its digest in
 /// `world.rs`, its keys in the scene file, and its row in the tests of `material.rs`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Specular {
@@ -76,6 +76,12 @@ impl Material {
     /// Whether the specular part scatters anything.
     pub fn is_specular(&self) -> bool {
         self.specular != Specular::None
+    }
+
+    /// Whether light passes through, so that it has an inside.
+    #[inline]
+    pub fn is_glass(&self) -> bool {
+        matches!(self.specular, Specular::Glass { .. })
     }
 
     /// Whether the diffuse part scatters anything.

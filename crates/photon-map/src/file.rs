@@ -1,0 +1,203 @@
+//! The file of photon maps.
+
+use std::path::Path;
+
+use atomic_file::Existing;
+use base::{Fingerprint, FingerprintBuilder, Inventory, PhotonClass, Rgb};
+use mapfile::{Error, Header, MapFile, Section};
+use serde::{Deserialize, Serialize};
+
+use crate::set::{LEAF, Leaf, PhotonSet};
+
+/// The kind of map.
+pub const KIND: &str = "photon map";
+/// The version of its layout.
+pub const VERSION: u32 = 1;
+
+/// What made the photons, and what became of them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Metadata {
+    /// The parts of the scene that photons depend on.
+    pub inventory: Inventory,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Surfaces a photon could meet before its path was cut.
+    pub max_bounces: u32,
+    /// Photons emitted.
+    pub emitted: u64,
+    /// Of these, absorbed.
+    pub absorbed: u64,
+    /// Of these, gone out of the scene.
+    pub escaped: u64,
+    /// Of these, cut.
+    pub cut: u64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Flux emitted, in watts.
+    pub flux: Rgb,
+    /// The sets in the file.
+    sets: Vec<SetMetadata>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SetMetadata {
+    class: String,
+    n: u64,
+    flux_scale: f32,
+}
+
+/// The photons of a scene by class.
+#[derive(Clone, Debug)]
+pub struct PhotonMaps {
+    /// What made them.
+    pub metadata: Metadata,
+    /// Photons straight from the lights, if they were stored.
+    pub direct: Option<PhotonSet>,
+    /// Photons that came through specular bounces only.
+    pub caustic: PhotonSet,
+    /// Photons that were scattered diffusely.
+    pub indirect: PhotonSet,
+}
+
+/// The arrays of a set, in the order in which they are written.
+const ARRAYS: [&str; 5] = ["splits", "leaves", "positions", "flux", "normals"];
+
+fn array_name(class: &str, array: &str) -> String {
+    format!("{class}.{array}")
+}
+
+impl PhotonMaps {
+    /// Each set with its class.
+    pub fn sets(&self) -> impl Iterator<Item = (PhotonClass, &PhotonSet)> {
+        let sets = [
+            (PhotonClass::Direct, self.direct.as_ref()),
+            (PhotonClass::Caustic, Some(&self.caustic)),
+            (PhotonClass::Indirect, Some(&self.indirect)),
+        ];
+        sets.into_iter().filter_map(|(class, set)| Some((class, set?)))
+    }
+
+    /// A digest of all photons.
+    pub fn fingerprint(&self) -> Fingerprint {
+        let mut digest = FingerprintBuilder::new();
+        digest.pod(&[self.metadata.inventory.fingerprint().0]);
+        for (class, set) in self.sets() {
+            digest.bytes(class.name().as_bytes()).pod(&[set.n as u64]).pod(&[set.flux_scale]);
+            digest
+                .pod(&set.splits)
+                .pod(&set.leaves)
+                .pod(&set.positions)
+                .pod(&set.flux)
+                .pod(&set.normals);
+        }
+        digest.finish()
+    }
+
+    /// Writes all sets to one file, whole or not at all; answers its size in bytes.
+    ///
+    /// `made_by` is the program and its version, `command` the command line that makes the file anew.
+    ///
+    /// # Errors
+    /// When the file can't be written, or exists and isn't to be replaced.
+    pub fn save(
+        &self,
+        path: &Path,
+        existing: Existing,
+        made_by: &str,
+        command: &str,
+    ) -> Result<u64, Error> {
+        let mut metadata = self.metadata.clone();
+        metadata.sets = self
+            .sets()
+            .map(|(class, set)| SetMetadata {
+                class: class.name().into(),
+                n: set.n as u64,
+                flux_scale: set.flux_scale,
+            })
+            .collect();
+        let mut notes = vec![
+            ("seed".into(), metadata.seed.to_string()),
+            ("emitted".into(), metadata.emitted.to_string()),
+        ];
+        notes.extend(
+            self.sets().map(|(class, set)| (format!("stored_{}", class.name()), set.n.to_string())),
+        );
+        let header = Header {
+            kind: KIND.into(),
+            version: VERSION,
+            made_by: made_by.into(),
+            command: command.into(),
+            inputs: metadata.inventory.fingerprint(),
+            notes,
+        };
+        let names: Vec<[String; 5]> = self
+            .sets()
+            .map(|(class, _)| ARRAYS.map(|array| array_name(class.name(), array)))
+            .collect();
+        let mut sections = Vec::new();
+        for ((_, set), [splits, leaves, positions, flux, normals]) in self.sets().zip(&names) {
+            sections.push(Section::new(splits, &set.splits));
+            sections.push(Section::new(leaves, &set.leaves));
+            sections.push(Section::new(positions, &set.positions));
+            sections.push(Section::new(flux, &set.flux));
+            sections.push(Section::new(normals, &set.normals));
+        }
+        mapfile::write(path, existing, &header, &metadata, &sections)
+    }
+
+    /// Opens a file that [`PhotonMaps::save`] wrote. The photons are used where they lie.
+    ///
+    /// # Errors
+    /// When the file can't be read, is something else, of another version, or damaged.
+    pub fn open(path: &Path) -> Result<(Self, MapFile), Error> {
+        let (file, metadata) = MapFile::open::<Metadata>(path, KIND, VERSION)?;
+        let set = |class: PhotonClass| {
+            let found = metadata.sets.iter().find(|s| s.class == class.name());
+            found.map(|s| read_set(&file, s)).transpose()
+        };
+        let required = |class: PhotonClass| {
+            set(class)?.ok_or_else(|| {
+                file.corrupt(format!("the set of {} photons is missing", class.name()))
+            })
+        };
+        let maps = Self {
+            direct: set(PhotonClass::Direct)?,
+            caustic: required(PhotonClass::Caustic)?,
+            indirect: required(PhotonClass::Indirect)?,
+            metadata: metadata.clone(),
+        };
+        Ok((maps, file))
+    }
+}
+
+fn read_set(file: &MapFile, of: &SetMetadata) -> Result<PhotonSet, Error> {
+    let name = |array| array_name(&of.class, array);
+    let set = PhotonSet {
+        n: usize::try_from(of.n).unwrap_or(usize::MAX),
+        flux_scale: of.flux_scale,
+        splits: file.array(&name("splits"))?,
+        leaves: file.array(&name("leaves"))?,
+        positions: file.array(&name("positions"))?,
+        flux: file.array(&name("flux"))?,
+        normals: file.array(&name("normals"))?,
+    };
+    let n_leaves = set.n.div_ceil(LEAF);
+    let lengths_agree = set.splits.len() == n_leaves
+        && set.leaves.len() == n_leaves
+        && set.positions.len() as u64 == n_leaves as u64 * 3 * LEAF as u64
+        && set.flux.len() == set.n
+        && set.normals.len() == set.n;
+    let is_sound = |leaf: &Leaf| {
+        leaf.min.iter().all(|x| x.is_finite())
+            && leaf.step.iter().all(|s| s.is_finite() && *s >= 0.0)
+    };
+    if !lengths_agree {
+        return Err(file.corrupt(format!("the arrays of {} photons differ in length", of.class)));
+    }
+    if !(set.leaves.iter().all(is_sound) && of.flux_scale.is_finite() && of.flux_scale > 0.0) {
+        return Err(
+            file.corrupt(format!("{} photons lie at no place, or carry no number", of.class))
+        );
+    }
+    Ok(set)
+}

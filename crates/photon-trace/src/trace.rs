@@ -1,0 +1,224 @@
+//! The paths of photons.
+
+use base::{
+    Frame, Interrupted, OwenSobol, Photon, PhotonClass, Ray, Rgb, Rng, Stream, Watch,
+    encode_octahedral, hash_u64, warp,
+};
+use glam::Vec2;
+use rayon::prelude::*;
+use scene::{Light, Material, Scene, Transport};
+
+use crate::{Budget, photons_of_lights};
+
+/// Photons that one task traces. Fixed, since it decides the order of the stored photons.
+const BATCH: u64 = 8192;
+
+/// How pass 1 is done.
+#[derive(Clone, Copy, Debug)]
+pub struct Config {
+    /// How many photons are emitted.
+    pub budget: Budget,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Surfaces a photon may meet before its path is cut. What is cut is counted: see [`Account::cut`].
+    pub max_bounces: u32,
+    /// Whether photons of class *direct* are stored.
+    pub store_direct: bool,
+}
+
+/// What became of the emitted photons.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Account {
+    /// Photons emitted.
+    pub emitted: u64,
+    /// Of these, absorbed by a surface or inside glass.
+    pub absorbed: u64,
+    /// Of these, gone out of the scene.
+    pub escaped: u64,
+    /// Of these, ended by [`Config::max_bounces`].
+    pub cut: u64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Flux emitted, in watts.
+    pub flux: Rgb,
+}
+
+/// The photons of a scene, by class, in the order of their emission.
+#[derive(Debug, Default)]
+pub struct Traced {
+    /// See [`PhotonClass::Direct`].
+    pub direct: Vec<Photon>,
+    /// See [`PhotonClass::Caustic`].
+    pub caustic: Vec<Photon>,
+    /// See [`PhotonClass::Indirect`].
+    pub indirect: Vec<Photon>,
+    /// What became of all.
+    pub account: Account,
+}
+
+/// Emits photons from all lights of a scene and follows them, in rayon's current pool.
+///
+/// The watch is told the photons done.
+///
+/// # Errors
+/// When the watch asks for a stop.
+pub fn trace(scene: &Scene, config: &Config, watch: Watch<'_>) -> Result<Traced, Interrupted> {
+    let bounds = scene.bounds();
+    let fluxes: Vec<Rgb> = scene.lights.iter().map(|light| light.flux(&bounds)).collect();
+    let counts = photons_of_lights(config.budget, &fluxes);
+
+    let mut batches = Vec::new();
+    for (light, &count) in counts.iter().enumerate() {
+        let starts = (0..count.div_ceil(BATCH)).map(|b| b * BATCH);
+        batches.extend(starts.map(|start| (light, start..(start + BATCH).min(count))));
+    }
+    let tracers: Vec<Emitter<'_>> = (scene.lights.iter().enumerate())
+        .map(|(i, light)| Emitter {
+            scene,
+            config,
+            light,
+            seed: hash_u64(config.seed, i as u64),
+            flux: fluxes[i] / counts[i].max(1) as f32,
+        })
+        .collect();
+    let done: Option<Vec<Traced>> = batches
+        .into_par_iter()
+        .map(|(light, photons)| {
+            let n = photons.end - photons.start;
+            let mut traced = Traced::default();
+            photons.for_each(|i| tracers[light].photon(i, &mut traced));
+            watch(n).then_some(traced)
+        })
+        .collect();
+    let mut all = join(done.ok_or(Interrupted)?);
+    all.account.flux = (fluxes.iter().zip(&counts)).filter(|(_, n)| **n > 0).map(|(f, _)| *f).sum();
+    Ok(all)
+}
+
+fn join(batches: Vec<Traced>) -> Traced {
+    let len = |f: fn(&Traced) -> &Vec<Photon>| batches.iter().map(|b| f(b).len()).sum();
+    let mut all = Traced {
+        direct: Vec::with_capacity(len(|b| &b.direct)),
+        caustic: Vec::with_capacity(len(|b| &b.caustic)),
+        indirect: Vec::with_capacity(len(|b| &b.indirect)),
+        account: Account::default(),
+    };
+    for batch in batches {
+        all.direct.extend(batch.direct);
+        all.caustic.extend(batch.caustic);
+        all.indirect.extend(batch.indirect);
+        let (a, b) = (&mut all.account, batch.account);
+        a.emitted += b.emitted;
+        a.absorbed += b.absorbed;
+        a.escaped += b.escaped;
+        a.cut += b.cut;
+        a.rays += b.rays;
+    }
+    all
+}
+
+/// One light and what its photons need.
+struct Emitter<'a> {
+    scene: &'a Scene,
+    config: &'a Config,
+    light: &'a Light,
+    seed: u64,
+    /// Flux of each photon at the start.
+    flux: Rgb,
+}
+
+impl Emitter<'_> {
+    /// Emits photon `index` of the light and follows it to its end.
+    fn photon(&self, index: u64, out: &mut Traced) {
+        let start = self.light.emit(&self.scene.bounds(), OwenSobol::new(self.seed).point(index));
+        let mut scatter = Rng::new(self.seed, Stream::Scatter, index);
+        let mut roulette = Rng::new(self.seed, Stream::Roulette, index);
+        let mut ray = Ray::unbounded(start.origin, start.dir);
+        let mut flux = self.flux;
+        let mut class = PhotonClass::Direct;
+        let mut medium: Option<&Material> = None;
+        out.account.emitted += 1;
+        for _ in 0..self.config.max_bounces {
+            out.account.rays += 1;
+            let Some(hit) = self.scene.accel.closest_hit(&ray) else {
+                out.account.escaped += 1;
+                return;
+            };
+            let surface = self.scene.accel.surface(&ray, &hit);
+            let material = self.scene.material(&surface);
+            let w_o = -ray.dir();
+
+            // Absorb on the way: inside glass, whether the photon was refracted into it or its light lies within.
+            let inside = w_o.dot(surface.geometric_normal) < 0.0;
+            let through = if inside && material.is_glass() { Some(material) } else { medium };
+            if let Some(glass) = through {
+                let Some(rest) = survive(flux, glass.transmittance(hit.t), roulette.next_f32())
+                else {
+                    out.account.absorbed += 1;
+                    return;
+                };
+                flux = rest;
+            }
+
+            // Store where the surface scatters diffusely.
+            let facing = surface.facing(w_o);
+            if material.is_diffuse() {
+                let photon = Photon {
+                    position: surface.position.into(),
+                    normal: encode_octahedral(facing.shading_normal),
+                    flux,
+                };
+                match class {
+                    PhotonClass::Direct if !self.config.store_direct => {}
+                    PhotonClass::Direct => out.direct.push(photon),
+                    PhotonClass::Caustic => out.caustic.push(photon),
+                    PhotonClass::Indirect => out.indirect.push(photon),
+                }
+            }
+
+            // Let one number choose between the diffuse part, the specular directions, and the end.
+            let mut u = roulette.next_f32();
+            let mut choose = |weight: Rgb| {
+                let p = (flux * weight).mean() / flux.mean();
+                let chosen = u < p;
+                u -= p;
+                chosen.then(|| flux * weight / p)
+            };
+            if let Some(rest) = choose(material.albedo) {
+                let local =
+                    warp::cosine_hemisphere(Vec2::new(scatter.next_f32(), scatter.next_f32()));
+                let dir = Frame::new(facing.shading_normal).to_world(local).normalize();
+                if dir.dot(facing.geometric_normal) <= 0.0 {
+                    out.account.absorbed += 1;
+                    return;
+                }
+                (flux, class) = (rest, PhotonClass::Indirect);
+                ray = Ray::unbounded(surface.leave(dir), dir);
+                continue;
+            }
+            let bounces = material.specular_bounces(&surface, w_o, Transport::Flux);
+            let chosen =
+                bounces.into_iter().flatten().find_map(|b| choose(b.weight).map(|rest| (b, rest)));
+            let Some((bounce, rest)) = chosen else {
+                out.account.absorbed += 1;
+                return;
+            };
+            flux = rest;
+            if class == PhotonClass::Direct {
+                class = PhotonClass::Caustic;
+            }
+            if bounce.transmitted {
+                medium = if inside { None } else { Some(material) };
+            }
+            ray = Ray::unbounded(surface.leave(bounce.dir), bounce.dir);
+        }
+        out.account.cut += 1;
+    }
+}
+
+/// Roulette on a loss: the flux that goes on, of unchanged mean, or nothing.
+fn survive(flux: Rgb, weight: Rgb, u: f32) -> Option<Rgb> {
+    let rest = flux * weight;
+    let p = rest.mean() / flux.mean();
+    (u < p).then(|| rest / p)
+}
