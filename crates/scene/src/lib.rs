@@ -7,16 +7,20 @@
 
 mod area_light;
 mod camera;
+mod error;
 mod fresnel;
 mod light;
+mod load;
 mod material;
 mod polygon;
 mod world;
 
 pub use area_light::AreaLight;
 pub use camera::{Camera, FovAxis};
+pub use error::Error;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use light::{Emission, Light, LightKind, LightSample, Spot, Toward};
+pub use load::{Loaded, load};
 pub use material::{Material, Specular, SpecularBounce, Transport};
 pub use polygon::polygon_irradiance;
 pub use world::{Parts, Scene};

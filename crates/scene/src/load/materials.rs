@@ -1,0 +1,176 @@
+//! Materials of the scene file.
+
+use base::Rgb;
+use toml::Spanned;
+
+use super::keys::{Typed, list, span};
+use super::source::Source;
+use super::tables::MaterialTable;
+use crate::{Error, Material, Specular};
+
+/// Indices of refraction beyond these limits are typing errors.
+pub(super) const IOR_RANGE: std::ops::RangeInclusive<f32> = 0.1..=10.0;
+
+/// The complex index of refraction of metals at 650, 550 and 450 nm, from measurements collected at refractiveindex.info
+/// (the choice of wavelengths is that of Chaos Group 2016, "Understanding Metalness").
+const METALS: [(&str, [f32; 3], [f32; 3]); 7] = [
+    ("aluminium", [1.3456, 0.96521, 0.61722], [7.4746, 6.3995, 5.3031]),
+    ("chromium", [3.1071, 3.1812, 2.3230], [3.3314, 3.3291, 3.1350]),
+    ("copper", [0.27105, 0.67693, 1.3164], [3.6092, 2.6248, 2.2921]),
+    ("gold", [0.18299, 0.42108, 1.3734], [3.4242, 2.3459, 1.7704]),
+    ("iron", [2.9114, 2.9497, 2.5845], [3.0893, 2.9318, 2.7670]),
+    ("platinum", [2.3757, 2.0847, 1.8453], [4.2655, 3.7153, 3.1365]),
+    ("silver", [0.15943, 0.14512, 0.13547], [3.9291, 3.1900, 2.3808]),
+];
+
+/// The material of a table, and warnings about it.
+pub(super) fn material(
+    source: &Source,
+    name: &str,
+    table: &MaterialTable,
+    warnings: &mut Vec<String>,
+) -> Result<Material, Error> {
+    let object = format!("material `{name}`");
+    let of = |what: &str| format!("the {what} of {object}");
+    let typed = Typed { source, object: &object, kind: &table.kind };
+    let given = [
+        ("albedo", span(&table.albedo)),
+        ("emission", span(&table.emission)),
+        ("reflectance", span(&table.reflectance)),
+        ("eta", span(&table.eta)),
+        ("k", span(&table.k)),
+        ("preset", span(&table.preset)),
+        ("ior", span(&table.ior)),
+        ("absorption", span(&table.absorption)),
+    ];
+    let mut albedo = Rgb::BLACK;
+    let specular = match table.kind.get_ref().as_str() {
+        "diffuse" => {
+            typed.take_only(&given, &["albedo", "emission"])?;
+            albedo = source.share(typed.need(&table.albedo, "albedo")?, &of("albedo"))?;
+            Specular::None
+        }
+        "mirror" => {
+            typed.take_only(&given, &["reflectance", "albedo", "emission"])?;
+            let written = typed.need(&table.reflectance, "reflectance")?;
+            let reflectance = source.share(written, &of("reflectance"))?;
+            if let Some(diffuse) = &table.albedo {
+                albedo = source.share(diffuse, &of("albedo"))?;
+                // Decimal fractions that add up to 1 may add up to a little more in binary.
+                if (albedo + reflectance).max_channel() > 1.0 + 2.0 * f32::EPSILON {
+                    let fault = format!(
+                        "albedo and reflectance of {object} add up to more than 1, which would create light; lower one of them"
+                    );
+                    return Err(source.fault(diffuse.span(), fault));
+                }
+            }
+            Specular::Mirror { reflectance }
+        }
+        "metal" => {
+            typed.take_only(&given, &["eta", "k", "preset", "emission"])?;
+            metal(source, &typed, table)?
+        }
+        "glass" => {
+            if let Some(emission) = &table.emission {
+                let fault = format!(
+                    "{object} is glass, which cannot emit; give the emission to a diffuse material"
+                );
+                return Err(source.fault(emission.span(), fault));
+            }
+            typed.take_only(&given, &["ior", "absorption"])?;
+            let written = typed.need(&table.ior, "ior")?;
+            let ior = source.number(written, &of("ior"))?;
+            if !IOR_RANGE.contains(&ior) {
+                let fault = format!(
+                    "{} is {ior}; indices of refraction lie between {} and {}",
+                    of("ior"),
+                    IOR_RANGE.start(),
+                    IOR_RANGE.end()
+                );
+                return Err(source.fault(written.span(), fault));
+            }
+            let absorption = match &table.absorption {
+                Some(absorption) => source.amount(absorption, &of("absorption"))?,
+                None => Rgb::BLACK,
+            };
+            if ior == 1.0 && absorption.is_black() {
+                let warning = format!("{} is 1, so it is invisible", of("ior"));
+                warnings.push(source.warning(written.span(), warning));
+            }
+            Specular::Glass { ior, absorption }
+        }
+        _ => return Err(typed.unknown(&["diffuse", "mirror", "metal", "glass"])),
+    };
+    let emission = match &table.emission {
+        Some(emission) => source.amount(emission, &of("emission"))?,
+        None => Rgb::BLACK,
+    };
+    Ok(Material { name: name.into(), albedo, specular, emission })
+}
+
+fn metal(source: &Source, typed: &Typed<'_>, table: &MaterialTable) -> Result<Specular, Error> {
+    let object = typed.object;
+    if let Some(preset) = &table.preset {
+        if let Some(own) = table.eta.as_ref().or(table.k.as_ref()) {
+            let fault = format!("{object} has a preset and values of its own; keep one of the two");
+            return Err(source.fault(own.span(), fault));
+        }
+        let found = METALS.iter().find(|(name, ..)| name == preset.get_ref());
+        let Some(&(_, eta, k)) = found else {
+            let fault = format!(
+                "{object} names the unknown preset \"{}\"; the presets are {}",
+                preset.get_ref(),
+                list(&METALS.map(|(name, ..)| name))
+            );
+            return Err(source.fault(preset.span(), fault));
+        };
+        return Ok(Specular::Metal { eta: eta.into(), k: k.into() });
+    }
+    if table.eta.is_none() && table.k.is_none() {
+        let fault = format!("{object} of type \"metal\" needs the keys `eta` and `k`, or `preset`");
+        return Err(source.fault(typed.kind.span(), fault));
+    }
+    let value = |written: &Option<Spanned<_>>, key: &str| {
+        let written = typed.need(written, key)?;
+        let what = format!("the {key} of {object}");
+        let value = source.amount(written, &what)?;
+        // Real metals stay below 20; the fourth powers in Fresnel's equations must fit.
+        if value.max_channel() > 1000.0 {
+            return Err(
+                source.fault(written.span(), format!("{what} is too large; use at most 1000"))
+            );
+        }
+        Ok((value, written.span(), what))
+    };
+    let (eta, eta_span, what) = value(&table.eta, "eta")?;
+    let (k, ..) = value(&table.k, "k")?;
+    if eta.min_channel() < 1e-3 {
+        let fault = format!("{what} is too small; use at least 0.001 in every channel");
+        return Err(source.fault(eta_span, fault));
+    }
+    Ok(Specular::Metal { eta, k })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fresnel_conductor;
+
+    #[test]
+    fn presets_have_the_color_of_their_metal() {
+        // Reflectance at normal incidence, ((eta - 1)^2 + k^2) / ((eta + 1)^2 + k^2).
+        let expected = [
+            ("gold", [0.944, 0.776, 0.373]),
+            ("silver", [0.961, 0.948, 0.921]),
+            ("copper", [0.925, 0.721, 0.504]),
+            ("aluminium", [0.912, 0.914, 0.920]),
+        ];
+        for (name, reflectance) in expected {
+            let &(_, eta, k) = METALS.iter().find(|m| m.0 == name).unwrap();
+            let f = fresnel_conductor(1.0, eta.into(), k.into()).to_array();
+            for (f, expected) in f.into_iter().zip(reflectance) {
+                assert!((f - expected).abs() < 2e-3, "{name}: {f}, not {expected}");
+            }
+        }
+    }
+}
