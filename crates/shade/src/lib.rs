@@ -1,1 +1,18 @@
-//! (skeleton)
+//! Pass 2: the four components of Eq. (8) at the place where an eye ray arrives, one file a component.
+//!
+//! Every function gives the radiance of one component towards the eye. What is random draws from the stream of the
+//! pixel, so a component evaluated alone, twice, or on another thread is the same to the bit.
+
+mod caustic;
+mod chain;
+mod direct;
+mod indirect;
+mod point;
+mod shader;
+mod specular;
+mod work;
+
+pub use chain::ChainLeaf;
+pub use point::{PixelStream, ShadingPoint};
+pub use shader::{Settings, Shader};
+pub use work::{Counts, Work};

@@ -1,0 +1,19 @@
+//! What the programs share: how they are told things, how they say things, and how they end.
+
+mod clock;
+mod command;
+mod console;
+mod count;
+mod ending;
+mod interrupt;
+mod options;
+mod stats;
+
+pub use clock::{Clock, Seconds, peak_rss_bytes};
+pub use command::command_line;
+pub use console::Console;
+pub use count::parse_count;
+pub use ending::{WrongUsage, finish};
+pub use interrupt::Interrupt;
+pub use options::{Common, Verbosity};
+pub use stats::write_stats;

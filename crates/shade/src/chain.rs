@@ -1,0 +1,100 @@
+//! Specular chains: from the eye through mirrors and glass to surfaces that aren't.
+
+use base::{Ray, Rgb, Rng, Stream};
+use geometry::Surface;
+use scene::{Material, Transport};
+
+use crate::{PixelStream, Shader, ShadingPoint, Work};
+
+/// Branches that carry less than this are followed by chance, with their weight raised in return.
+const FOLLOW_ALWAYS: f32 = 0.02;
+
+/// The longest chain. Only surfaces that lose nothing make such; they are counted.
+const MAX_LENGTH: u32 = 128;
+
+/// A place where a chain arrives.
+#[derive(Clone, Copy, Debug)]
+pub struct ChainLeaf<'a> {
+    /// The surface, or nothing where the chain left the scene.
+    pub point: Option<ShadingPoint<'a>>,
+    /// What is left on the way to the eye of radiance that leaves the surface.
+    pub weight: Rgb,
+    /// The stream for shading it.
+    pub stream: PixelStream,
+}
+
+/// A ray yet to be followed.
+struct Branch<'a> {
+    ray: Ray,
+    weight: Rgb,
+    medium: Option<&'a Material>,
+    length: u32,
+}
+
+impl<'a> Shader<'a> {
+    /// Follows everything that the specular part of a surface shows, and calls `arrive` for each place, mirrors
+    /// included: they may emit or be diffuse as well.
+    pub fn chain(
+        &self,
+        at: &ShadingPoint<'a>,
+        stream: PixelStream,
+        work: &mut Work,
+        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+    ) {
+        let mut rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
+        let mut branches = Vec::new();
+        let mut n_leaves = 0;
+        scatter(at, Rgb::ONE, None, 0, &mut rng, &mut branches);
+        while let Some(branch) = branches.pop() {
+            work.counts.specular_rays += 1;
+            n_leaves += 1;
+            let stream = stream.part(n_leaves);
+            let Some((point, distance)) = self.arrive(&branch.ray) else {
+                arrive(ChainLeaf { point: None, weight: branch.weight, stream }, work);
+                continue;
+            };
+            let inside = is_inside(&point.surface, &point);
+            let through = if inside && point.material.is_glass() { Some(point.material) } else { branch.medium };
+            let weight = branch.weight * through.map_or(Rgb::ONE, |glass| glass.transmittance(distance));
+            arrive(ChainLeaf { point: Some(point), weight, stream }, work);
+            if branch.length < MAX_LENGTH {
+                scatter(&point, weight, branch.medium, branch.length, &mut rng, &mut branches);
+            } else if point.material.is_specular() {
+                work.counts.chains_cut += 1;
+            }
+        }
+    }
+}
+
+fn is_inside(surface: &Surface, point: &ShadingPoint<'_>) -> bool {
+    point.w_o.dot(surface.geometric_normal) < 0.0
+}
+
+/// Adds the branches that leave a surface.
+fn scatter<'a>(
+    at: &ShadingPoint<'a>,
+    weight: Rgb,
+    medium: Option<&'a Material>,
+    length: u32,
+    rng: &mut Rng,
+    branches: &mut Vec<Branch<'a>>,
+) {
+    for bounce in at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance).into_iter().flatten() {
+        let mut weight = weight * bounce.weight;
+        let largest = weight.max_channel();
+        if largest < FOLLOW_ALWAYS {
+            let p = largest / FOLLOW_ALWAYS;
+            if rng.next_f32() >= p {
+                continue;
+            }
+            weight = weight / p;
+        }
+        let medium = match bounce.transmitted {
+            true if is_inside(&at.surface, at) => None,
+            true => Some(at.material),
+            false => medium,
+        };
+        let ray = Ray::unbounded(at.surface.leave(bounce.dir), bounce.dir);
+        branches.push(Branch { ray, weight, medium, length: length + 1 });
+    }
+}

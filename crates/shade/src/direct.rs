@@ -1,0 +1,93 @@
+//! Direct light: unshadowed irradiance in closed form, times visibility.
+//!
+//! The visibility of a light is the share of its unshadowed irradiance that arrives, estimated as a ratio of two sums
+//! over the same shadow rays (Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and Stochastic
+//! Shadows"). Where a light is wholly visible or wholly hidden there is no noise at all.
+
+use base::{Ray, Rgb, Stream, hash_u64, math::FRAC_1_PI};
+use geometry::Surface;
+use scene::{Light, Toward};
+
+use crate::shader::scramble;
+use crate::{PixelStream, Shader, ShadingPoint, Work};
+
+impl Shader<'_> {
+    /// Radiance of the first term of Eq. (8): light straight from all lights, scattered diffusely.
+    pub fn direct(&self, at: &ShadingPoint<'_>, stream: PixelStream, work: &mut Work) -> Rgb {
+        if !at.material.is_diffuse() {
+            return Rgb::BLACK;
+        }
+        let irradiance: Rgb = (0..self.scene.lights.len())
+            .map(|light| self.irradiance_from(light, &at.facing, stream, work))
+            .sum();
+        at.material.albedo * irradiance * FRAC_1_PI
+    }
+
+    /// Irradiance from one light, shadows included.
+    pub fn irradiance_from(&self, light: usize, surface: &Surface, stream: PixelStream, work: &mut Work) -> Rgb {
+        let unshadowed = self.scene.lights[light].unshadowed_irradiance(surface.position, surface.shading_normal);
+        match unshadowed {
+            Some(u) if u.is_black() => Rgb::BLACK,
+            Some(u) => u * self.visibility(light, surface, stream, work),
+            None => self.shadow_sums(light, surface, stream, work).arrived / self.settings.shadow_rays as f32,
+        }
+    }
+
+    /// The share of a light's irradiance that arrives, in [0, 1].
+    pub fn visibility(&self, light: usize, surface: &Surface, stream: PixelStream, work: &mut Work) -> f32 {
+        let sums = self.shadow_sums(light, surface, stream, work);
+        if sums.sent > 0.0 { sums.arrived.mean() / sums.sent } else { 0.0 }
+    }
+
+    fn shadow_sums(&self, light: usize, surface: &Surface, stream: PixelStream, work: &mut Work) -> ShadowSums {
+        let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
+        let light = &self.scene.lights[light];
+        let n = if light.is_delta() { 1 } else { self.shadow_points.len() };
+        let mut sums = ShadowSums { sent: 0.0, arrived: Rgb::BLACK };
+        for &point in &self.shadow_points[..n] {
+            let u = scramble(point, bits);
+            let Some(sample) = light.sample(surface.position, surface.shading_normal, u) else { continue };
+            sums.sent += sample.irradiance.mean();
+            if self.unoccluded(surface, sample.toward, work) {
+                sums.arrived += sample.irradiance;
+            }
+        }
+        sums
+    }
+
+    /// Whether nothing lies between a surface and a place on a light.
+    #[inline]
+    fn unoccluded(&self, surface: &Surface, toward: Toward, work: &mut Work) -> bool {
+        let ray = match toward {
+            Toward::Direction(dir) => Ray::unbounded(surface.leave(dir), dir),
+            Toward::Point(target) => {
+                let origin = surface.leave(target - surface.position);
+                let to_target = target - origin;
+                let distance = to_target.length();
+                if distance == 0.0 {
+                    return true;
+                }
+                Ray::new(origin, to_target / distance, distance)
+            }
+        };
+        // Below the true surface there is only its inside.
+        if ray.dir().dot(surface.geometric_normal) <= 0.0 {
+            return false;
+        }
+        work.counts.shadow_rays += 1;
+        !self.scene.accel.occluded(&ray)
+    }
+
+    /// The light with a number.
+    pub fn light(&self, light: usize) -> &Light {
+        &self.scene.lights[light]
+    }
+}
+
+/// Sums over the shadow rays of a light.
+struct ShadowSums {
+    /// Mean over the channels of what would arrive without anything between.
+    sent: f32,
+    /// What arrives.
+    arrived: Rgb,
+}

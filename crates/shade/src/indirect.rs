@@ -1,0 +1,32 @@
+//! Indirect light: the density of photons that were scattered diffusely before.
+
+use base::{Rgb, math::FRAC_1_PI};
+use geometry::Surface;
+use photon_map::Estimate;
+
+use crate::{Shader, ShadingPoint, Work};
+
+impl Shader<'_> {
+    /// Radiance of the last term of Eq. (8): light that was scattered diffusely at least once, scattered diffusely.
+    pub fn indirect(&self, at: &ShadingPoint<'_>, work: &mut Work) -> Rgb {
+        if !at.material.is_diffuse() {
+            return Rgb::BLACK;
+        }
+        at.material.albedo * self.indirect_estimate(&at.facing, work).irradiance * FRAC_1_PI
+    }
+
+    /// Irradiance of indirect light on the side of the surface's normals.
+    pub fn indirect_estimate(&self, surface: &Surface, work: &mut Work) -> Estimate {
+        let guess = work.last_indirect.guess(surface.position);
+        let estimate = self.photons.indirect.irradiance(
+            surface.position,
+            surface.shading_normal,
+            &self.settings.indirect,
+            guess,
+            &mut work.scratch,
+        );
+        work.counts.photons_visited += estimate.visited as u64;
+        work.last_indirect.remember(surface.position, &estimate);
+        estimate
+    }
+}

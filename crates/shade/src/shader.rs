@@ -1,0 +1,74 @@
+//! What shading needs to know.
+
+use base::{OwenSobol, Ray, Rgb};
+use glam::Vec2;
+use photon_map::{Gather, PhotonMaps};
+use scene::Scene;
+
+use crate::{ShadingPoint, Work};
+
+/// How components are computed. All that changes a picture is here, the scene and the photons aside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Shadow rays for each light that isn't a point or a direction.
+    pub shadow_rays: u32,
+    /// Estimate of indirect light.
+    pub indirect: Gather,
+    /// Estimate of caustics.
+    pub caustic: Gather,
+    /// Seed of all random streams.
+    pub seed: u64,
+}
+
+/// Computes components.
+#[derive(Debug)]
+pub struct Shader<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its photons.
+    pub photons: &'a PhotonMaps,
+    /// How.
+    pub settings: Settings,
+    /// The points on the unit square that shadow rays use, before each pixel scrambles them.
+    pub(crate) shadow_points: Vec<[u32; 2]>,
+}
+
+impl<'a> Shader<'a> {
+    /// Gets ready to shade.
+    pub fn new(scene: &'a Scene, photons: &'a PhotonMaps, settings: Settings) -> Self {
+        let sobol = OwenSobol::new(settings.seed);
+        let bits = |x: f32| ((x * 16_777_216.0) as u32) << 8;
+        let shadow_points = (0..u64::from(settings.shadow_rays)).map(|i| sobol.point::<2>(i).map(bits)).collect();
+        Self { scene, photons, settings, shadow_points }
+    }
+
+    /// Where a ray from the eye arrives.
+    #[inline]
+    pub fn eye_point(&self, ray: &Ray, work: &mut Work) -> Option<ShadingPoint<'a>> {
+        work.counts.eye_rays += 1;
+        self.arrive(ray).map(|(point, _)| point)
+    }
+
+    /// Where a ray arrives, and after what distance.
+    #[inline]
+    pub(crate) fn arrive(&self, ray: &Ray) -> Option<(ShadingPoint<'a>, f32)> {
+        let hit = self.scene.accel.closest_hit(ray)?;
+        let surface = self.scene.accel.surface(ray, &hit);
+        let w_o = -ray.dir();
+        let material = self.scene.material(&surface);
+        Some((ShadingPoint { surface, facing: surface.facing(w_o), material, w_o }, hit.t))
+    }
+
+    /// Radiance along a ray that meets nothing.
+    pub fn background(&self) -> Rgb {
+        self.scene.background()
+    }
+}
+
+/// A point of a fixed set, moved by the random bits of a pixel: a random digital shift keeps the stratification of a
+/// Sobol' set.
+#[inline(always)]
+pub(crate) fn scramble([x, y]: [u32; 2], bits: u64) -> Vec2 {
+    let to_unit = |v: u32| (v >> 8) as f32 * (1.0 / 16_777_216.0);
+    Vec2::new(to_unit(x ^ bits as u32), to_unit(y ^ (bits >> 32) as u32))
+}
