@@ -26,12 +26,20 @@ pub struct Header {
     pub version: u32,
     /// Name and version of the program that made it.
     pub made_by: String,
-    /// The command that makes it anew, as a shell takes it. Messages quote it, so it should replace an existing file.
+    /// The command that makes it anew, as a shell takes it, with `{file}` for the name of the map: so the bytes of a map
+    /// don't depend on its name. Messages quote it, so it should replace an existing file.
     pub command: String,
     /// Digest of the inputs it was made from.
     pub inputs: Fingerprint,
     /// Whatever else is worth knowing, such as the number of photons. Names are distinct.
     pub notes: Vec<(String, String)>,
+}
+
+impl Header {
+    /// The command that makes the map at `path` anew.
+    pub fn remedy(&self, path: &Path) -> String {
+        self.command.replace("{file}", &path.to_string_lossy())
+    }
 }
 
 /// The header of the map at `path`, whatever its kind. Nothing after the header is looked at.

@@ -43,9 +43,9 @@ impl MapFile {
         if header.kind != kind {
             return Err(Error::OtherKind {
                 path: path.into(),
+                command: header.remedy(path),
                 found: header.kind,
                 expected: kind.into(),
-                command: header.command,
             });
         }
         if header.version != version {
@@ -53,7 +53,7 @@ impl MapFile {
                 path: path.into(),
                 found: header.version,
                 expected: version,
-                remedy: header.command,
+                remedy: header.remedy(path),
             });
         }
         match verify(&bytes, block) {
@@ -64,7 +64,7 @@ impl MapFile {
                 path: path.into(),
                 what,
                 offset: Some(offset as u64),
-                remedy: Some(header.command),
+                remedy: Some(header.remedy(path)),
             }),
         }
     }
@@ -106,7 +106,7 @@ impl MapFile {
         Err(Error::Stale {
             path: self.path.clone(),
             changes: then.changes(now),
-            remedy: self.header.command.clone(),
+            remedy: self.header.remedy(&self.path),
         })
     }
 
@@ -116,7 +116,7 @@ impl MapFile {
             path: self.path.clone(),
             what: what.into(),
             offset: None,
-            remedy: Some(self.header.command.clone()),
+            remedy: Some(self.header.remedy(&self.path)),
         }
     }
 }

@@ -42,7 +42,7 @@ pub(crate) fn build(photons: &[Photon]) -> PhotonSet {
             *leaf = quantize(items, positions);
             for (lane, item) in items.iter().enumerate() {
                 let photon = &photons[item.index as usize];
-                fluxes[lane] = flux::pack(photon.flux / flux_scale);
+                fluxes[lane] = flux::pack(photon.flux / flux_scale, item.index.into());
                 normals[lane] = photon.normal;
             }
         });
@@ -66,12 +66,11 @@ fn partition(items: &mut [Item], splits: &mut [f32], n_leaves: usize) {
     }
     let axis = (max - min).max_position();
     let middle = n_leaves / 2;
-    let (low, pivot, high) = items.select_nth_unstable_by(middle * LEAF, |a, b| {
+    let (low, pivot, _) = items.select_nth_unstable_by(middle * LEAF, |a, b| {
         a.position[axis].total_cmp(&b.position[axis]).then(a.index.cmp(&b.index))
     });
     splits[middle - 1] = f32::from_bits(pivot.position[axis].to_bits() & !3 | axis as u32);
     let n_low = low.len();
-    debug_assert_eq!(n_low + 1 + high.len(), n_low + (items.len() - n_low));
     let (low, high) = items.split_at_mut(n_low);
     let (low_splits, high_splits) = splits.split_at_mut(middle - 1);
     let high_splits = &mut high_splits[1..];

@@ -18,9 +18,10 @@ const MAX_SINE_HEIGHT: f32 = 0.25;
 /// How an estimate is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gather {
-    /// How many of the nearest photons are used, if so many are close enough.
+    /// How many of the nearest photons are used, if so many are close enough; at least 2, since the farthest of them
+    /// only tells the radius.
     pub k: usize,
-    /// The largest distance of a photon, in world units.
+    /// The largest distance of a photon, in world units; not negative.
     pub max_radius: f32,
     /// The weight of a photon by its distance.
     pub kernel: Kernel,
@@ -55,6 +56,9 @@ impl PhotonSet {
     /// `k / (k - 1)`). Where fewer than `k` lie within the largest radius, that radius is used for all of them.
     ///
     /// `guess` is a distance within which about `k` photons are expected; it only changes how long the search takes.
+    ///
+    /// # Panics
+    /// When `k` is below 2.
     pub fn irradiance(
         &self,
         point: Vec3A,
@@ -63,7 +67,10 @@ impl PhotonSet {
         guess: Option<f32>,
         scratch: &mut Scratch,
     ) -> Estimate {
+        assert!(gather.k >= 2, "k is {}: an estimate needs two photons", gather.k);
         let mut visited = 0;
+        // From a guess of nothing the search would never grow.
+        let guess = guess.filter(|radius| *radius >= f32::MIN_POSITIVE);
         let mut search =
             guess.unwrap_or_else(|| self.guess_radius(point, gather.k)).min(gather.max_radius);
         loop {
@@ -98,9 +105,8 @@ impl PhotonSet {
             let on_rim = candidates.iter().filter(|c| c.0 == radius2).take(rim);
             sum += on_rim.map(|c| self.flux_of(c.1 as usize) * gather.kernel.weight(1.0)).sum();
         }
-        let irradiance = if radius2 > 0.0 { sum / radius2 } else { Rgb::BLACK };
         Estimate {
-            irradiance,
+            irradiance: density(sum, radius2),
             radius: radius2.sqrt(),
             found: if full { gather.k } else { found },
             visited,
@@ -131,7 +137,7 @@ impl PhotonSet {
             },
             &mut visited,
         );
-        Estimate { irradiance: sum / radius2, radius, found, visited }
+        Estimate { irradiance: density(sum, radius2), radius, found, visited }
     }
 
     /// The photons that the estimate counts, as indices with squared distances in ascending order of both.
@@ -242,6 +248,11 @@ impl PhotonSet {
         let radius2 = 1.5 * k as f32 * area_per_photon / PI;
         if radius2 > 0.0 { radius2.sqrt() } else { f32::INFINITY }
     }
+}
+
+/// A sum of weighted flux over the square of the kernel's radius; nothing where photons coincide and that is 0.
+fn density(sum: Rgb, radius2: f32) -> Rgb {
+    if radius2 > 0.0 { sum / radius2 } else { Rgb::BLACK }
 }
 
 /// The `k`-th smallest squared distance.

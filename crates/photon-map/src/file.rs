@@ -7,6 +7,7 @@ use base::{Fingerprint, FingerprintBuilder, Inventory, PhotonClass, Rgb};
 use mapfile::{Error, Header, MapFile, Section};
 use serde::{Deserialize, Serialize};
 
+use crate::flux;
 use crate::set::{LEAF, Leaf, PhotonSet};
 
 /// The kind of map.
@@ -35,7 +36,12 @@ pub struct Metadata {
     pub rays: u64,
     /// Flux emitted, in watts.
     pub flux: Rgb,
-    /// The sets in the file.
+}
+
+/// What the file holds as metadata.
+#[derive(Debug, Serialize, Deserialize)]
+struct Contents {
+    metadata: Metadata,
     sets: Vec<SetMetadata>,
 }
 
@@ -106,8 +112,8 @@ impl PhotonMaps {
         made_by: &str,
         command: &str,
     ) -> Result<u64, Error> {
-        let mut metadata = self.metadata.clone();
-        metadata.sets = self
+        let metadata = &self.metadata;
+        let sets = self
             .sets()
             .map(|(class, set)| SetMetadata {
                 class: class.name().into(),
@@ -142,7 +148,7 @@ impl PhotonMaps {
             sections.push(Section::new(flux, &set.flux));
             sections.push(Section::new(normals, &set.normals));
         }
-        mapfile::write(path, existing, &header, &metadata, &sections)
+        mapfile::write(path, existing, &header, &Contents { metadata: metadata.clone(), sets }, &sections)
     }
 
     /// Opens a file that [`PhotonMaps::save`] wrote. The photons are used where they lie.
@@ -150,9 +156,9 @@ impl PhotonMaps {
     /// # Errors
     /// When the file can't be read, is something else, of another version, or damaged.
     pub fn open(path: &Path) -> Result<(Self, MapFile), Error> {
-        let (file, metadata) = MapFile::open::<Metadata>(path, KIND, VERSION)?;
+        let (file, Contents { metadata, sets }) = MapFile::open(path, KIND, VERSION)?;
         let set = |class: PhotonClass| {
-            let found = metadata.sets.iter().find(|s| s.class == class.name());
+            let found = sets.iter().find(|s| s.class == class.name());
             found.map(|s| read_set(&file, s)).transpose()
         };
         let required = |class: PhotonClass| {
@@ -164,7 +170,7 @@ impl PhotonMaps {
             direct: set(PhotonClass::Direct)?,
             caustic: required(PhotonClass::Caustic)?,
             indirect: required(PhotonClass::Indirect)?,
-            metadata: metadata.clone(),
+            metadata,
         };
         Ok((maps, file))
     }
@@ -182,19 +188,23 @@ fn read_set(file: &MapFile, of: &SetMetadata) -> Result<PhotonSet, Error> {
         normals: file.array(&name("normals"))?,
     };
     let n_leaves = set.n.div_ceil(LEAF);
-    let lengths_agree = set.splits.len() == n_leaves
+    let lengths_agree = u32::try_from(set.n).is_ok()
+        && set.splits.len() == n_leaves
         && set.leaves.len() == n_leaves
         && set.positions.len() as u64 == n_leaves as u64 * 3 * LEAF as u64
         && set.flux.len() == set.n
         && set.normals.len() == set.n;
     let is_sound = |leaf: &Leaf| {
-        leaf.min.iter().all(|x| x.is_finite())
-            && leaf.step.iter().all(|s| s.is_finite() && *s >= 0.0)
+        leaf.min.iter().zip(&leaf.step).all(|(min, step)| {
+            let max = min + 65535.0 * step;
+            min.is_finite() && max.is_finite() && *step >= 0.0
+        })
     };
+    let carries_numbers = of.flux_scale > 0.0 && (of.flux_scale * flux::MAX).is_finite();
     if !lengths_agree {
         return Err(file.corrupt(format!("the arrays of {} photons differ in length", of.class)));
     }
-    if !(set.leaves.iter().all(is_sound) && of.flux_scale.is_finite() && of.flux_scale > 0.0) {
+    if !(set.leaves.iter().all(is_sound) && carries_numbers) {
         return Err(
             file.corrupt(format!("{} photons lie at no place, or carry no number", of.class))
         );

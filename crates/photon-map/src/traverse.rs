@@ -55,9 +55,11 @@ impl PhotonSet {
                 let distance = p[axis] - plane;
                 // The axis took the two lowest bits of the plane.
                 let gap = (distance.abs() - plane.abs() * 2.0_f32.powi(-21)).max(0.0);
-                let mut far = Task { dist2: task.dist2, offsets: task.offsets, ..NONE };
-                far.dist2 += gap * gap - far.offsets[axis] * far.offsets[axis];
+                let mut far = Task { offsets: task.offsets, ..NONE };
                 far.offsets[axis] = gap;
+                let [x, y, z] = far.offsets;
+                // A few roundings less, so that no cell seems farther than its photons.
+                far.dist2 = (x * x + y * y + z * z) * (1.0 - 8.0 * f32::EPSILON);
                 if distance < 0.0 {
                     (far.low, far.high, task.high) = (middle, task.high, middle);
                 } else {
@@ -88,17 +90,19 @@ impl PhotonSet {
 
 impl Leaf {
     /// Squared distance of a point from the box.
+    ///
+    /// Every step is that of [`Leaf::view`], and rounding keeps order: no photon in the box comes out nearer than this.
+    /// So what is found never depends on which boxes a search could leave out.
     #[inline(always)]
     fn dist2(&self, p: &[f32; 3]) -> f32 {
         let mut dist2 = 0.0;
         for (axis, x) in p.iter().enumerate() {
-            let below = self.min[axis] - x;
-            let above = -below - 65535.0 * self.step[axis];
-            let d = below.max(above).max(0.0);
+            let low = self.min[axis] - x;
+            let high = self.min[axis] + 65535.0 * self.step[axis] - x;
+            let d = low.max(-high).max(0.0);
             dist2 += d * d;
         }
-        // A few roundings, so that no photon on the rim is lost.
-        dist2 * (1.0 - 4.0 * f32::EPSILON)
+        dist2
     }
 
     /// The photons of the leaf, at the given steps of its box, as seen from a point with a normal.

@@ -1,0 +1,57 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use cli::{Common, parse_count};
+
+/// Shoot photons into a scene and save photon maps
+///
+/// The maps serve every camera, resolution and mode of render-cached.
+#[derive(Clone, Debug, clap::Parser)]
+#[command(name = "photon-build", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Args {
+    /// What to do instead of building a map.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// The scene: a scene.toml
+    #[arg(required = true)]
+    pub scene: Option<PathBuf>,
+    /// Where the photon maps go
+    #[arg(short, long, value_name = "MAPS.photons", required = true)]
+    pub output: Option<PathBuf>,
+    /// Photons to emit in all, shared among the lights by their flux [default: 1M]
+    #[arg(long, value_name = "COUNT", value_parser = parse_count, conflicts_with = "photons_per_light")]
+    pub photons: Option<u64>,
+    /// Photons to emit from each light
+    #[arg(long, value_name = "COUNT", value_parser = parse_count)]
+    pub photons_per_light: Option<u64>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Classes to store besides caustic and indirect
+    #[arg(long, value_name = "CLASS")]
+    pub store: Vec<Store>,
+    /// Surfaces that a photon may meet; what is cut off there is reported
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..))]
+    pub max_bounces: u32,
+    /// Options that all programs have.
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// Classes of photons that aren't always stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Store {
+    /// Photons straight from the lights
+    Direct,
+}
+
+/// What else the program does.
+#[derive(Clone, Debug, clap::Subcommand)]
+pub enum Command {
+    /// Say what is in a map, and what made it
+    Info {
+        /// The map
+        map: PathBuf,
+    },
+}

@@ -1,0 +1,194 @@
+//! From a scene to a file of photons.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use anyhow::{Context, bail};
+use base::Inventory;
+use cli::{Clock, Console, Interrupt, WrongUsage};
+use photon_map::{Metadata, PhotonMaps, PhotonSet};
+use photon_trace::{Account, Budget, Config, Traced};
+use scene::Scene;
+
+use crate::Args;
+use crate::args::Store;
+use crate::stats::{Seconds, Stats, Stored};
+
+/// Builds the photon maps that the command line asks for.
+///
+/// # Errors
+/// Whatever went wrong, in words for the user.
+pub fn build(args: &Args) -> anyhow::Result<()> {
+    let mut clock = Clock::start();
+    let console = Console::new("photon-build", args.common.verbosity());
+    let interrupt = Interrupt::listen();
+    let (Some(scene_path), Some(output)) = (&args.scene, &args.output) else {
+        bail!(WrongUsage("a scene and an output are needed".into()));
+    };
+    let budget = budget(args)?;
+    for path in [Some(output), args.common.stats.as_ref()].into_iter().flatten() {
+        atomic_file::check(path, args.common.existing())?;
+    }
+    let pool = args.common.thread_pool()?;
+
+    // Reading a scene includes building its BVH; `load` answers with both.
+    let loaded = pool.install(|| scene::load(scene_path))?;
+    loaded.warnings.iter().for_each(|w| console.warn(w));
+    let scene = loaded.scene;
+    let load = clock.lap();
+
+    let config = Config {
+        budget,
+        seed: args.seed,
+        max_bounces: args.max_bounces,
+        store_direct: args.store.contains(&Store::Direct),
+    };
+    let traced = trace(&scene, &config, &pool, &console, &interrupt)?;
+    audit(&traced.account, args.max_bounces, &console)?;
+    let trace = clock.lap();
+
+    let account = traced.account;
+    let maps = pool.install(|| maps(&scene, &config, traced));
+    let tree = clock.lap();
+
+    let made_by = concat!("photon-build ", env!("CARGO_PKG_VERSION"));
+    let file_bytes = maps.save(output, args.common.existing(), made_by, &remedy(args, scene_path))?;
+    let write = clock.lap();
+
+    let n_photons: usize = maps.sets().map(|(_, set)| set.len()).sum();
+    let n_bytes: usize = maps.sets().map(|(_, set)| set.n_bytes()).sum();
+    let total = clock.total();
+    for (class, set) in maps.sets() {
+        console.say(format_args!("{:>10} {} photons", set.len(), class.name()));
+    }
+    console.say(format_args!(
+        "{} emitted, {:.1} MB written to {} in {:.2} s ({:.2} CPU s)",
+        account.emitted,
+        file_bytes as f64 * 1e-6,
+        output.display(),
+        total.wall,
+        total.cpu,
+    ));
+    if let Some(path) = &args.common.stats {
+        let seconds = |f: fn(&cli::Seconds) -> f64| Seconds {
+            load: f(&load),
+            trace: f(&trace),
+            tree: f(&tree),
+            write: f(&write),
+            total: f(&total),
+        };
+        let stats = Stats {
+            program: "photon-build",
+            version: env!("CARGO_PKG_VERSION"),
+            scene: scene_path.display().to_string(),
+            fingerprint: maps.fingerprint().to_string(),
+            seed: args.seed,
+            threads: pool.current_num_threads(),
+            emitted: account.emitted,
+            stored: Stored {
+                direct: maps.direct.as_ref().map_or(0, PhotonSet::len),
+                caustic: maps.caustic.len(),
+                indirect: maps.indirect.len(),
+            },
+            absorbed: account.absorbed,
+            escaped: account.escaped,
+            cut: account.cut,
+            rays: account.rays,
+            bytes_per_photon: if n_photons > 0 { n_bytes as f64 / n_photons as f64 } else { 0.0 },
+            file_bytes,
+            seconds: seconds(|s| s.wall),
+            cpu_seconds: seconds(|s| s.cpu),
+            peak_rss_bytes: cli::peak_rss_bytes(),
+        };
+        cli::write_stats(path, args.common.existing(), &stats)?;
+    }
+    Ok(())
+}
+
+fn budget(args: &Args) -> anyhow::Result<Budget> {
+    let budget = match args.photons_per_light {
+        Some(n) => Budget::PerLight(n),
+        None => Budget::Total(args.photons.unwrap_or(1_000_000)),
+    };
+    match budget {
+        Budget::Total(0) => bail!(WrongUsage("--photons 0 emits nothing; ask for one photon at least".into())),
+        Budget::PerLight(0) => bail!(WrongUsage("--photons-per-light 0 emits nothing; ask for one at least".into())),
+        budget => Ok(budget),
+    }
+}
+
+fn trace(
+    scene: &Scene,
+    config: &Config,
+    pool: &rayon::ThreadPool,
+    console: &Console,
+    interrupt: &Interrupt,
+) -> anyhow::Result<Traced> {
+    let fluxes: Vec<_> = scene.lights.iter().map(|light| light.flux(&scene.bounds())).collect();
+    let n_photons = photon_trace::photons_of_lights(config.budget, &fluxes).iter().sum();
+    let bar = console.progress("photons", n_photons);
+    let done = AtomicU64::new(0);
+    let watch = |n| {
+        bar.set_position(done.fetch_add(n, Ordering::Relaxed) + n);
+        interrupt.go_on()
+    };
+    let traced = pool.install(|| photon_trace::trace(scene, config, &watch));
+    bar.finish_and_clear();
+    traced.context("no photon map was written")
+}
+
+/// Every photon must have met an end, and light must have come of it.
+fn audit(account: &Account, max_bounces: u32, console: &Console) -> anyhow::Result<()> {
+    let ended = account.absorbed + account.escaped + account.cut;
+    if ended != account.emitted {
+        bail!("{} photons were emitted and {ended} ended: this is a bug, please report it", account.emitted);
+    }
+    if account.cut > 0 {
+        let share = account.cut as f64 / account.emitted as f64 * 100.0;
+        console.warn(format_args!(
+            "{} photons ({share:.3} %) were cut after {max_bounces} surfaces; raise --max-bounces to keep their light",
+            account.cut
+        ));
+    }
+    Ok(())
+}
+
+fn maps(scene: &Scene, config: &Config, traced: Traced) -> PhotonMaps {
+    let Account { emitted, absorbed, escaped, cut, rays, flux } = traced.account;
+    let inventory: Inventory = scene.inventory().clone();
+    let metadata = Metadata {
+        inventory,
+        seed: config.seed,
+        max_bounces: config.max_bounces,
+        emitted,
+        absorbed,
+        escaped,
+        cut,
+        rays,
+        flux,
+    };
+    // One after the other, each freed at once: the photons take twice as much memory as their trees.
+    let direct = config.store_direct.then(|| PhotonSet::build(&traced.direct));
+    drop(traced.direct);
+    let caustic = PhotonSet::build(&traced.caustic);
+    drop(traced.caustic);
+    let indirect = PhotonSet::build(&traced.indirect);
+    PhotonMaps { metadata, direct, caustic, indirect }
+}
+
+/// The command that makes the map anew; only what decides its contents.
+fn remedy(args: &Args, scene: &Path) -> String {
+    let mut words = vec!["photon-build".into(), scene.into(), "-o".into()];
+    let mut option = |name: &str, value: String| words.extend([name.into(), value.into()]);
+    match args.photons_per_light {
+        Some(n) => option("--photons-per-light", n.to_string()),
+        None => option("--photons", args.photons.unwrap_or(1_000_000).to_string()),
+    }
+    option("--seed", args.seed.to_string());
+    option("--max-bounces", args.max_bounces.to_string());
+    if args.store.contains(&Store::Direct) {
+        option("--store", "direct".into());
+    }
+    words.push("--force".into());
+    cli::command_line(words).replacen(" -o ", " -o {file} ", 1)
+}
