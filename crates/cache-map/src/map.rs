@@ -1,0 +1,122 @@
+//! The cache map.
+
+use base::{Component, Components, Grid, ImageSize, Pixel, Rgb};
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// Where an eye ray has arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SurfacePoint {
+    /// Position, in world units.
+    pub position: Vec3,
+    /// Unit shading normal on the side of the eye.
+    pub normal: Vec3,
+}
+
+/// Where a pixel's value of a component comes from. The paper's Flag is "sampled or traced".
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Origin {
+    /// It has none yet, or there is no surface.
+    #[default]
+    None,
+    /// It was computed as a low-resolution sample.
+    Sampled,
+    /// It was computed because no candidate fitted.
+    Traced,
+    /// It is known from a saved cache map, should it be needed.
+    Known,
+    /// It was interpolated.
+    Interpolated,
+}
+
+/// For each pixel the first surface, the radiance of the four components, and where each comes from.
+#[derive(Debug)]
+pub struct CacheMap {
+    surfaces: Grid<Option<SurfacePoint>>,
+    values: Components<Grid<Rgb>>,
+    origins: Components<Grid<Origin>>,
+    /// Samples of another resolution: candidates, but no pixel's own value. Sorted by pixel, one each.
+    pub(crate) borrowed: Vec<(Pixel, SurfacePoint, Components<Rgb>)>,
+    /// Index into `borrowed` plus one; empty when nothing is.
+    pub(crate) borrowed_at: Vec<u32>,
+}
+
+impl CacheMap {
+    /// A cache map without values. Pixels without a surface stay black.
+    pub fn new(surfaces: Grid<Option<SurfacePoint>>) -> Self {
+        let size = surfaces.size();
+        Self {
+            surfaces,
+            values: Components::from_fn(|_| Grid::from_fn(size, |_| Rgb::BLACK)),
+            origins: Components::from_fn(|_| Grid::from_fn(size, |_| Origin::None)),
+            borrowed: Vec::new(),
+            borrowed_at: Vec::new(),
+        }
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> ImageSize {
+        self.surfaces.size()
+    }
+
+    /// The first surface of each pixel.
+    pub fn surfaces(&self) -> &Grid<Option<SurfacePoint>> {
+        &self.surfaces
+    }
+
+    /// The radiance of a component at each pixel.
+    pub fn values(&self, component: Component) -> &Grid<Rgb> {
+        &self.values[component]
+    }
+
+    /// Where the values of a component come from.
+    pub fn origins(&self, component: Component) -> &Grid<Origin> {
+        &self.origins[component]
+    }
+
+    /// The radiance of all components.
+    pub fn into_values(self) -> Components<Grid<Rgb>> {
+        self.values
+    }
+
+    /// The pixels among these that have a surface and no value of the component yet.
+    pub fn missing(&self, component: Component, pixels: &[Pixel]) -> Vec<Pixel> {
+        let lacks = |p: &&Pixel| {
+            self.surfaces[**p].is_some() && self.origins[component][**p] == Origin::None
+        };
+        pixels.iter().filter(lacks).copied().collect()
+    }
+
+    /// Takes the computed radiance of a component at some pixels.
+    ///
+    /// # Panics
+    /// When there are not as many values as pixels.
+    pub fn record(
+        &mut self,
+        component: Component,
+        pixels: &[Pixel],
+        values: &[Rgb],
+        origin: Origin,
+    ) {
+        assert_eq!(pixels.len(), values.len(), "a value per pixel");
+        for (&pixel, &value) in pixels.iter().zip(values) {
+            self.values[component][pixel] = value;
+            self.origins[component][pixel] = origin;
+        }
+    }
+
+    pub(crate) fn set(
+        &mut self,
+        component: Component,
+        pixel: Pixel,
+        value: Option<Rgb>,
+        origin: Origin,
+    ) {
+        if let Some(value) = value {
+            self.values[component][pixel] = value;
+        }
+        self.origins[component][pixel] = origin;
+    }
+}
