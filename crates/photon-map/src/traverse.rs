@@ -122,3 +122,56 @@ impl Leaf {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::{Photon, Rgb, Rng, Stream};
+    use glam::Vec3;
+
+    #[test]
+    fn no_photon_is_nearer_than_its_box() {
+        let mut rng = Rng::new(0, Stream::Test, 0);
+        let mut view = LeafView::new();
+        for i in 0..20_000 {
+            let mut numbers = |size: f32| [0; 3].map(|_| (rng.next_f32() - 0.5) * size);
+            // Boxes that are small for their place, and points near their faces.
+            let offset = 10.0_f32.powi(i % 5);
+            let leaf = Leaf { min: numbers(offset), step: numbers(2e-4).map(f32::abs) };
+            let max = Vec3::from(leaf.min) + Vec3::from(leaf.step) * 65535.0;
+            let point = max + Vec3::from(numbers(1.0)) * 10.0_f32.powi(-(i % 7));
+            let steps: Vec<u16> = (0..3 * LEAF)
+                .map(|_| [0, 65535, rng.next_u32() as u16][rng.next_u32() as usize % 3])
+                .collect();
+            leaf.view(&steps, point.into(), Vec3A::Z, &mut view);
+            let box_dist2 = leaf.dist2(&point.to_array());
+            let nearest = view.dist2.into_iter().fold(f32::INFINITY, f32::min);
+            assert!(box_dist2 <= nearest, "{box_dist2} > {nearest} from {point} to {leaf:?}");
+        }
+    }
+
+    #[test]
+    fn every_photon_within_the_bound_is_in_a_leaf_that_is_visited() {
+        let mut rng = Rng::new(0, Stream::Test, 1);
+        for offset in [0.0, 3.0, 700.0, 40_000.0] {
+            let mut place = || {
+                let [x, y] = rng.next_2d().to_array();
+                Vec3::new(x, y, rng.next_f32()) + offset
+            };
+            let photons: Vec<Photon> = (0..5000)
+                .map(|_| Photon { position: place(), normal: 0, flux: Rgb::ONE })
+                .collect();
+            let set = PhotonSet::build(&photons);
+            for i in 0..set.len() {
+                let point = Vec3A::from(place());
+                let dist2 = (set.photon(i).position - point).length_squared();
+                let mut visited = false;
+                set.walk(point, dist2, |leaf, bound2| {
+                    visited |= leaf == i / LEAF;
+                    bound2
+                });
+                assert!(visited, "photon {i} at {dist2} from {point}");
+            }
+        }
+    }
+}
