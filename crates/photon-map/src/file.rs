@@ -148,7 +148,13 @@ impl PhotonMaps {
             sections.push(Section::new(flux, &set.flux));
             sections.push(Section::new(normals, &set.normals));
         }
-        mapfile::write(path, existing, &header, &Contents { metadata: metadata.clone(), sets }, &sections)
+        mapfile::write(
+            path,
+            existing,
+            &header,
+            &Contents { metadata: metadata.clone(), sets },
+            &sections,
+        )
     }
 
     /// Opens a file that [`PhotonMaps::save`] wrote. The photons are used where they lie.
