@@ -196,11 +196,7 @@ mod tests {
             if let Some(t) = t {
                 let (inner, outer) = if w_o.z > 0.0 { (t.dir, w_o) } else { (w_o, t.dir) };
                 let sines = |v: Vec3A| v.truncate().length();
-                assert!(
-                    (1.5 * sines(inner.into()) - sines(outer.into())).abs() < 1e-4,
-                    "{w_o} {}",
-                    t.dir
-                );
+                assert!((1.5 * sines(inner) - sines(outer)).abs() < 1e-4, "{w_o} {}", t.dir);
             }
         }
     }

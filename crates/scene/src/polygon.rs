@@ -20,15 +20,21 @@ pub fn polygon_irradiance(point: Vec3A, normal: Vec3A, corners: &[Vec3]) -> f32 
         }
     };
     let direction = |i: usize| corners[i % corners.len()].as_dvec3() - point;
+    let mut rises = false;
     for i in 0..corners.len() {
         let (a, b) = (direction(i), direction(i + 1));
         let (height_a, height_b) = (a.dot(normal), b.dot(normal));
-        if height_a > 0.0 {
+        rises |= height_a > 0.0;
+        // Corners exactly on the horizon belong to what is left.
+        if height_a >= 0.0 {
             push(a);
         }
         if height_a * height_b < 0.0 {
             push(a + (b - a) * (height_a / (height_a - height_b)));
         }
+    }
+    if !rises {
+        return 0.0;
     }
     let mut sum = 0.0;
     for i in 0..n_clipped {

@@ -112,6 +112,11 @@ impl Source {
         &self.text
     }
 
+    /// A path in the file is relative to the file.
+    pub(super) fn resolve(&self, relative: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(relative)
+    }
+
     /// Something is wrong with the bytes of `span`.
     pub(super) fn fault(&self, span: Range<usize>, fault: impl Into<String>) -> Error {
         let start = self.text.floor_char_boundary(span.start);

@@ -18,6 +18,8 @@ pub(super) struct SceneFile {
     #[serde(default)]
     pub(super) materials: BTreeMap<String, Spanned<MaterialTable>>,
     #[serde(default)]
+    pub(super) meshes: Vec<Spanned<MeshTable>>,
+    #[serde(default)]
     pub(super) quads: Vec<Spanned<QuadTable>>,
     #[serde(default)]
     pub(super) boxes: Vec<Spanned<BoxTable>>,
@@ -51,6 +53,16 @@ pub(super) struct MaterialTable {
     pub(super) preset: Option<Spanned<String>>,
     pub(super) ior: Option<Spanned<f64>>,
     pub(super) absorption: Option<Spanned<Color>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MeshTable {
+    pub(super) name: Option<Spanned<String>>,
+    pub(super) file: Spanned<String>,
+    pub(super) material: Option<Spanned<String>>,
+    pub(super) transform: Option<Spanned<TransformTable>>,
+    pub(super) smooth: Option<bool>,
 }
 
 #[derive(Debug, Deserialize)]

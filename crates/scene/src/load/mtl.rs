@@ -1,0 +1,290 @@
+//! MTL material libraries, read by tobj from lines that can do it no harm.
+//!
+//! tobj panics on colors of fewer than three numbers, gives up a whole library for one odd line, and takes NaN: every
+//! line is checked, and written anew, before tobj sees it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use base::Rgb;
+
+use super::lines::{Statement, TextFile, decode, statements};
+use super::materials::IOR_RANGE;
+use crate::{Error, Material, Specular};
+
+/// The materials of one library.
+#[derive(Debug)]
+pub(super) struct Library {
+    file: TextFile,
+    entries: Vec<Entry>,
+    /// Places in `entries`.
+    by_name: BTreeMap<String, usize>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    line: usize,
+    material: tobj::Material,
+    /// What is ignored, told only if the material is used.
+    warnings: Vec<String>,
+}
+
+impl Library {
+    /// Reads a library.
+    pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Self, Error> {
+        let file = TextFile::new(path);
+        let (mut clean, mut heads) = (String::new(), Vec::<(usize, String, Vec<String>)>::new());
+        let mut by_name = BTreeMap::new();
+        for statement in statements(&decode(bytes)) {
+            let line = statement.line;
+            match statement.keyword() {
+                "" => {}
+                "newmtl" => {
+                    let name = statement.name();
+                    if name.is_empty() {
+                        return Err(file.fault(line, "`newmtl` needs a name"));
+                    }
+                    if let Some(first) = by_name.insert(name.to_string(), heads.len()) {
+                        let first = heads[first].0;
+                        let fault = format!(
+                            "material `{name}` is defined again, after line {first}; rename one"
+                        );
+                        return Err(file.fault(line, fault));
+                    }
+                    heads.push((line, name.to_string(), Vec::new()));
+                    // tobj tells materials apart by their order.
+                    let _ = writeln!(clean, "newmtl {}", heads.len());
+                }
+                keyword => {
+                    let Some((_, name, warnings)) = heads.last_mut() else {
+                        let fault = format!("`{keyword}` stands before any `newmtl`");
+                        return Err(file.fault(line, fault));
+                    };
+                    match rewrite(&file, &statement, name)? {
+                        Rewritten::Clean(line) => clean += &line,
+                        Rewritten::Ignored(why) => warnings.push(file.warning(line, why)),
+                        Rewritten::Nothing => {}
+                    }
+                }
+            }
+        }
+        let (materials, _) = tobj::load_mtl_buf(&mut clean.as_bytes())
+            .map_err(|e| file.whole(format!("{e}; save the file anew")))?;
+        let entries = heads
+            .into_iter()
+            .zip(materials)
+            .map(|((line, name, warnings), material)| Entry {
+                line,
+                material: tobj::Material { name, ..material },
+                warnings,
+            })
+            .collect();
+        Ok(Self { file, entries, by_name })
+    }
+
+    /// The place of a material in the library.
+    pub(super) fn find(&self, name: &str) -> Option<usize> {
+        self.by_name.get(name).copied()
+    }
+
+    /// The names of all materials.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.by_name.keys().map(String::as_str)
+    }
+
+    /// What we make of material number `index`, and what its author should know about it.
+    pub(super) fn material(&self, index: usize) -> Result<(Material, Vec<String>), Error> {
+        let Entry { line, material, warnings } = &self.entries[index];
+        let name = &material.name;
+        let fault = |text: String| self.file.fault(*line, text);
+        let mut warnings = warnings.clone();
+        let color = |c: Option<[f32; 3]>| c.map_or(Rgb::BLACK, Rgb::from);
+        let (kd, ks, ke) =
+            (color(material.diffuse), color(material.specular), color(material.emissive));
+        let illum = material.illumination_model.unwrap_or(if ks.is_black() { 1 } else { 2 });
+        let (mut albedo, mut reflectance) = (kd, Rgb::BLACK);
+        let specular = match illum {
+            0 | 1 => Specular::None,
+            2 => {
+                if !ks.is_black() {
+                    let text =
+                        "highlights (Ks with illum 2) are not rendered; use illum 3 for mirrors";
+                    warnings.push(self.file.whole(text).to_string());
+                }
+                Specular::None
+            }
+            3 | 5 | 8 => {
+                reflectance = ks;
+                Specular::Mirror { reflectance }
+            }
+            4 | 6 | 7 | 9 => {
+                albedo = Rgb::BLACK;
+                let ior = material.optical_density.ok_or_else(|| {
+                    fault(format!(
+                        "material `{name}` is glass (illum {illum}) but has no index of refraction; add Ni, such as Ni 1.5"
+                    ))
+                })?;
+                if !IOR_RANGE.contains(&ior) {
+                    return Err(fault(format!(
+                        "the Ni of material `{name}` is {ior}; indices of refraction lie between {} and {}",
+                        IOR_RANGE.start(),
+                        IOR_RANGE.end()
+                    )));
+                }
+                if !ke.is_black() {
+                    return Err(fault(format!(
+                        "material `{name}` is glass (illum {illum}), which cannot emit; remove Ke or use illum 1"
+                    )));
+                }
+                Specular::Glass { ior, absorption: Rgb::BLACK }
+            }
+            _ => {
+                return Err(fault(format!(
+                    "material `{name}` has illum {illum}, which is not supported; use 1 for diffuse, 3 for mirrors or 7 for glass"
+                )));
+            }
+        };
+        let is_glass = matches!(specular, Specular::Glass { .. });
+        if material.dissolve.is_some_and(|d| d < 1.0) && !is_glass {
+            let text = format!(
+                "material `{name}` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass"
+            );
+            warnings.push(self.file.warning(*line, text));
+        }
+        if albedo.is_black() && reflectance.is_black() && ke.is_black() && !is_glass {
+            let text = format!("material `{name}` is black; give it Kd");
+            warnings.push(self.file.warning(*line, text));
+        }
+        let total = (albedo + reflectance).max_channel();
+        let mut specular = specular;
+        if total > 1.0 + 2.0 * f32::EPSILON {
+            let text = format!(
+                "material `{name}` would create light; its Kd and Ks are divided by {total}"
+            );
+            warnings.push(self.file.warning(*line, text));
+            albedo = albedo / total;
+            if let Specular::Mirror { reflectance } = &mut specular {
+                *reflectance = *reflectance / total;
+            }
+        }
+        Ok((Material { name: name.clone(), albedo, specular, emission: ke }, warnings))
+    }
+}
+
+enum Rewritten {
+    /// A line for tobj.
+    Clean(String),
+    /// Something that isn't rendered.
+    Ignored(String),
+    Nothing,
+}
+
+/// Checks a statement of material `name`.
+fn rewrite(file: &TextFile, statement: &Statement<'_>, name: &str) -> Result<Rewritten, Error> {
+    let (keyword, line) = (statement.keyword(), statement.line);
+    let clean = |text: String| Ok(Rewritten::Clean(format!("{keyword} {text}\n")));
+    match keyword {
+        "Ka" | "Kd" | "Ks" | "Ke" => {
+            let [r, g, b] = color(file, statement, name)?;
+            clean(format!("{r} {g} {b}"))
+        }
+        "Tf" => Ok(if color(file, statement, name)? == [1.0; 3] {
+            Rewritten::Nothing
+        } else {
+            let text = format!(
+                "the Tf of material `{name}` is ignored; use a scene file's glass with absorption"
+            );
+            Rewritten::Ignored(text)
+        }),
+        "Ni" | "Ns" | "d" | "Tr" => {
+            let word = statement.words().find(|w| *w != "-halo").ok_or_else(|| {
+                file.fault(line, format!("`{keyword}` of material `{name}` needs a number"))
+            })?;
+            let number = file.number(statement, word)? as f32;
+            if keyword == "Tr" {
+                return Ok(Rewritten::Clean(format!("d {}\n", 1.0 - number)));
+            }
+            clean(number.to_string())
+        }
+        "illum" => {
+            let number = statement.words().next().and_then(|w| w.parse::<u8>().ok());
+            let number = number.ok_or_else(|| {
+                let fault = format!("`illum` of material `{name}` needs a number from 0 to 9");
+                file.fault(line, fault)
+            })?;
+            clean(number.to_string())
+        }
+        "sharpness" => Ok(Rewritten::Nothing),
+        _ if is_map(keyword) => Ok(Rewritten::Ignored(format!(
+            "textures are not supported; the {keyword} of material `{name}`, {}, is ignored",
+            map_file(statement.name())
+        ))),
+        _ => Ok(Rewritten::Ignored(format!(
+            "`{keyword}` of material `{name}` is not supported and ignored"
+        ))),
+    }
+}
+
+fn color(file: &TextFile, statement: &Statement<'_>, name: &str) -> Result<[f32; 3], Error> {
+    let (keyword, line) = (statement.keyword(), statement.line);
+    let words: Vec<_> = statement.words().collect();
+    let color = match words.as_slice() {
+        [form @ ("spectral" | "xyz"), ..] => {
+            return Err(file.fault(
+                line,
+                format!("the {keyword} of material `{name}` is given as `{form}`; give red, green and blue"),
+            ));
+        }
+        [gray] => [file.number(statement, gray)?; 3],
+        [r, g, b] => {
+            [file.number(statement, r)?, file.number(statement, g)?, file.number(statement, b)?]
+        }
+        _ => {
+            return Err(file.fault(
+                line,
+                format!(
+                    "the {keyword} of material `{name}` needs one number or three, not {}",
+                    words.len()
+                ),
+            ));
+        }
+    };
+    if color.iter().any(|&c| c < 0.0) {
+        let fault = format!("the {keyword} of material `{name}` is negative; use 0 or more");
+        return Err(file.fault(line, fault));
+    }
+    if color.iter().any(|&c| c > 1e15) {
+        let fault = format!("the {keyword} of material `{name}` is too large; use at most 1e15");
+        return Err(file.fault(line, fault));
+    }
+    Ok(color.map(|c| c as f32))
+}
+
+fn is_map(keyword: &str) -> bool {
+    const OTHERS: [&str; 5] = ["bump", "disp", "decal", "refl", "norm"];
+    keyword.starts_with("map_") || OTHERS.contains(&keyword)
+}
+
+/// The file's name behind the options of a map, such as `-s 2 2 -clamp on`.
+fn map_file(statement: &str) -> &str {
+    let mut rest = statement;
+    while rest.starts_with('-') {
+        let (option, values) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+        // How many values may follow, at most and numbers only where more than one may.
+        let most = match option {
+            "-o" | "-s" | "-t" => 3,
+            "-mm" => 2,
+            _ => 1,
+        };
+        rest = values.trim_start();
+        for i in 0..most {
+            let (value, next) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+            if i > 0 && value.parse::<f64>().is_err() {
+                break;
+            }
+            rest = next.trim_start();
+        }
+    }
+    rest
+}

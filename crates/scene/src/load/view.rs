@@ -1,0 +1,48 @@
+//! The camera of the scene file.
+
+use glam::Vec3;
+use toml::Spanned;
+
+use super::source::Source;
+use super::tables::CameraTable;
+use crate::{Camera, Error, FovAxis};
+
+/// The camera of a table.
+pub(super) fn camera(source: &Source, table: &Spanned<CameraTable>) -> Result<Camera, Error> {
+    let table = table.get_ref();
+    let origin = source.vector(&table.origin, "the origin of the camera")?;
+    let target = source.vector(&table.target, "the target of the camera")?;
+    let up = match &table.up {
+        Some(up) => source.direction(up, "the up vector of the camera")?.as_vec3(),
+        None => Vec3::Y,
+    };
+    let Some(forward) = (target - origin).try_normalize() else {
+        let fault = "target and origin of the camera are the same point; move one";
+        return Err(source.fault(table.target.span(), fault));
+    };
+    if forward.cross(up).length() < 1e-4 {
+        let fault = "the camera looks along its up vector; give another `up`, such as [0, 0, 1]";
+        let span = table.up.as_ref().map_or(table.target.span(), Spanned::span);
+        return Err(source.fault(span, fault));
+    }
+    let fov = source.number(&table.fov, "the fov of the camera")?;
+    // The upper limit is that of the tangent of half of it.
+    if !(fov > 0.0 && fov < 179.99) {
+        let fault =
+            format!("the fov of the camera is {fov}; give degrees between 0 and 180, such as 40");
+        return Err(source.fault(table.fov.span(), fault));
+    }
+    let fov_axis = match table.fov_axis.as_ref().map(|a| (a.get_ref().as_str(), a.span())) {
+        None | Some(("x", _)) => FovAxis::X,
+        Some(("y", _)) => FovAxis::Y,
+        Some(("smaller", _)) => FovAxis::Smaller,
+        Some(("larger", _)) => FovAxis::Larger,
+        Some((other, span)) => {
+            let fault = format!(
+                "the fov_axis \"{other}\" is unknown; the axes are x, y, smaller and larger"
+            );
+            return Err(source.fault(span, fault));
+        }
+    };
+    Ok(Camera::look_at(origin, target, up, fov, fov_axis))
+}

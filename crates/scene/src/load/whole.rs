@@ -1,0 +1,74 @@
+//! Checks that concern the scene as a whole.
+
+use geometry::{Bounds, Mesh, Sphere};
+
+use super::assembly::Assembly;
+use super::enclosure::dark_enclosure;
+use super::mesh_checks::{MAX_STACK, largest_stack};
+use crate::{Camera, Error, Parts};
+
+/// The parts of the scene, and all warnings.
+pub(super) fn finish(
+    assembly: Assembly<'_>,
+    camera: Camera,
+) -> Result<(Parts, Vec<String>), Error> {
+    let Assembly { source, materials, meshes, spheres, lights, mut warnings, .. } = assembly;
+    let emits = |mesh: &Mesh| {
+        mesh.materials.iter().any(|m| !materials[usize::from(m.0)].emission.is_black())
+    };
+    if lights.is_empty() && !meshes.iter().any(|(_, mesh)| emits(mesh)) {
+        let fault = "nothing emits light; add [[lights]] or an emissive material";
+        return Err(source.fault_of_whole(fault));
+    }
+    let bounds = bounds(&meshes, &spheres);
+    if bounds.is_empty() {
+        let fault = "there are no surfaces; add [[meshes]], [[quads]], [[boxes]] or [[spheres]]";
+        return Err(source.fault_of_whole(fault));
+    }
+    let size = bounds.diagonal();
+    if size < 1e-6 {
+        let fault = format!("the scene is only {size:e} across; use a smaller unit of length");
+        return Err(source.fault_of_whole(fault));
+    }
+    let n_triangles: usize = meshes.iter().map(|(_, mesh)| mesh.triangles.len()).sum();
+    if n_triangles >= 1 << 31 {
+        let fault = format!("{n_triangles} triangles are too many; use less than 2^31");
+        return Err(source.fault_of_whole(fault));
+    }
+    if let Some((n, i)) = largest_stack(meshes.iter().map(|(_, mesh)| mesh))
+        && n > MAX_STACK
+    {
+        let fault =
+            format!("{n} triangles of `{}` lie on one spot; remove all but one", meshes[i].0);
+        return Err(source.fault_of_whole(fault));
+    }
+    let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    if farthest > 1e4 * size {
+        let text = format!(
+            "the scene is {size} across but {farthest} away from the origin, where single precision is coarse; move it closer"
+        );
+        warnings.push(source.fault_of_whole(text).to_string());
+    }
+    let parts = Parts { camera, materials, meshes, spheres, lights };
+    if let Some(object) = dark_enclosure(&parts) {
+        let fault = format!(
+            "the camera is shut in by the opaque {object}, where no light gets; move one of them"
+        );
+        return Err(source.fault_of_whole(fault));
+    }
+    Ok((parts, warnings))
+}
+
+fn bounds(meshes: &[(String, Mesh)], spheres: &[(String, Sphere)]) -> Bounds {
+    let mut bounds = Bounds::EMPTY;
+    for (_, mesh) in meshes {
+        let own = mesh.bounds();
+        bounds.extend(own.min);
+        bounds.extend(own.max);
+    }
+    for (_, sphere) in spheres {
+        bounds.extend(sphere.center - sphere.radius);
+        bounds.extend(sphere.center + sphere.radius);
+    }
+    bounds
+}
