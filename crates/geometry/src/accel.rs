@@ -1,17 +1,20 @@
 //! The BVH over all surfaces of a scene.
 
-use std::time::Duration;
-
 use base::Ray;
-use glam::{Vec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::PlocBuilder;
 use obvhs::ray::RayHit;
 
 use crate::primitive::{Primitive, Shape, ShearedRay};
 use crate::{Bounds, MaterialId, Mesh, Sphere, Surface};
+
+/// As many as a leaf of the compressed BVH can hold.
+const MAX_PRIMITIVES_PER_LEAF: u32 = 3;
 
 /// The nearest place where a ray meets a surface; [`Accel::surface`] tells what is there.
 #[derive(Clone, Copy, Debug)]
@@ -19,8 +22,6 @@ pub struct Hit {
     /// Distance along the ray, in world units.
     pub t: f32,
     slot: u32,
-    v: f32,
-    w: f32,
 }
 
 /// All surfaces of a scene, ready for rays.
@@ -37,6 +38,9 @@ pub struct Accel {
     /// Shading normals of the corners of each triangle; empty when no mesh has any.
     normals: Vec<[Vec3; 3]>,
     scale: f32,
+    /// The sphere around everything, in scaled units.
+    center: Vec3A,
+    radius: f32,
     bounds: Bounds,
 }
 
@@ -102,99 +106,138 @@ impl Accel {
         }
 
         // Slab tests round; boxes that are a little too large keep rays aimed at edges and corners from slipping out.
-        let largest =
-            bounds.min.abs().max(bounds.max.abs()).max_element().max(bounds.diagonal()) * scale;
-        let margin = if primitives.is_empty() { 0.0 } else { largest * 2.0_f32.powi(-21) };
+        // The first term is for differences of up to 2.5 diagonals (see `skipped`), each axis off by five roundings, the
+        // second for the coordinates themselves.
+        let (center, diagonal) = match bounds.is_empty() {
+            true => (Vec3::ZERO, 0.0),
+            false => (bounds.center() * scale, bounds.diagonal() * scale),
+        };
+        let largest = (center.abs() + diagonal).max_element();
+        let margin = diagonal * 2.0_f32.powi(-20) + largest * 2.0_f32.powi(-22);
         let boxes: Vec<_> = primitives.iter().map(|p| BoundedPrimitive(p.aabb(margin))).collect();
-        let bvh = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        let bvh = build_bvh(&boxes);
         let primitives = bvh.primitive_indices.iter().map(|&i| primitives[i as usize]).collect();
-        Self { bvh, primitives, owners, n_triangles, normals, scale, bounds }
+        let (center, radius) = (center.into(), 0.5 * diagonal);
+        Self { bvh, primitives, owners, n_triangles, normals, scale, center, radius, bounds }
     }
 
     /// The nearest surface that the ray meets.
     #[inline]
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
-        let (scaled, sheared) = self.prepare(ray);
+        let skipped = self.skipped(ray);
+        let sheared = self.sheared(ray);
         let mut nearest = RayHit::none();
-        let (mut v, mut w) = (0.0, 0.0);
-        let found = self.bvh.ray_traverse(scaled, &mut nearest, |ray, slot| {
-            match self.primitives[slot].intersect(&sheared, ray.tmax) {
-                Some((t, hit_v, hit_w)) => {
-                    (v, w) = (hit_v, hit_w);
-                    t
-                }
-                None => f32::INFINITY,
-            }
+        let found = self.bvh.ray_traverse(self.slab_ray(ray, skipped), &mut nearest, |_, slot| {
+            (self.primitives[slot].intersect(&sheared) - skipped) as f32
         });
-        found.then(|| Hit { t: nearest.t / self.scale, slot: nearest.primitive_id, v, w })
+        found.then(|| Hit {
+            t: ((f64::from(nearest.t) + skipped) as f32) / self.scale,
+            slot: nearest.primitive_id,
+        })
     }
 
     /// Whether anything lies on the ray before its end.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        let (scaled, sheared) = self.prepare(ray);
-        !self.bvh.ray_traverse_miss(scaled, |ray, slot| {
-            self.primitives[slot].intersect(&sheared, ray.tmax).map_or(f32::INFINITY, |(t, ..)| t)
+        let skipped = self.skipped(ray);
+        let sheared = self.sheared(ray);
+        !self.bvh.ray_traverse_miss(self.slab_ray(ray, skipped), |_, slot| {
+            (self.primitives[slot].intersect(&sheared) - skipped) as f32
         })
     }
 
+    /// The ray that primitives are tested against, in scaled units.
     #[inline]
-    fn prepare(&self, ray: &Ray) -> (obvhs::ray::Ray, ShearedRay) {
-        let origin = ray.origin() * self.scale;
-        (
-            obvhs::ray::Ray::new(origin, ray.dir(), 0.0, ray.t_max() * self.scale),
-            ShearedRay::new(origin, ray.dir()),
-        )
+    fn sheared(&self, ray: &Ray) -> ShearedRay {
+        ShearedRay::new(ray.origin() * self.scale, ray.dir())
+    }
+
+    /// How much of a ray passes through nothing, in scaled units, if it starts far away. The farther a box is, the more
+    /// its test rounds.
+    #[inline]
+    fn skipped(&self, ray: &Ray) -> f64 {
+        let distance2 = (self.center - ray.origin() * self.scale).length_squared();
+        if distance2 > 16.0 * self.radius * self.radius {
+            f64::from(distance2).sqrt() - 2.0 * f64::from(self.radius)
+        } else {
+            0.0
+        }
+    }
+
+    /// The ray that boxes are tested against, in scaled units.
+    #[inline]
+    fn slab_ray(&self, ray: &Ray, skipped: f64) -> obvhs::ray::Ray {
+        let (mut origin, mut t_max) = (ray.origin() * self.scale, ray.t_max() * self.scale);
+        if skipped > 0.0 {
+            origin = (origin.as_dvec3() + ray.dir().as_dvec3() * skipped).as_vec3a();
+            t_max = (f64::from(t_max) - skipped) as f32;
+        }
+        obvhs::ray::Ray::new(origin, ray.dir(), 0.0, t_max)
     }
 
     /// What lies at a hit of `ray`.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        let ray = self.sheared(ray);
         let primitive = &self.primitives[hit.slot as usize];
-        let inverse_scale = 1.0 / self.scale;
-        // Bounds eight roundings of the largest number that goes into the position and into a later test of the surface.
-        let error_of = |normal: Vec3A, largest: Vec3A| {
-            normal.abs().dot(largest) * (8.0 * f32::EPSILON * inverse_scale)
-        };
         match primitive.shape() {
             Shape::Triangle { id } => {
-                let [a, b, c] = primitive.corners().map(Vec3A::from);
-                let u = 1.0 - hit.v - hit.w;
-                let geometric_normal = (b - a).cross(c - a).normalize();
-                let mut shading_normal = geometric_normal;
-                if let Some(&[na, nb, nc]) = self.normals.get(id as usize) {
-                    let n = Vec3A::from(na * u + nb * hit.v + nc * hit.w);
-                    let n = n * n.dot(geometric_normal).signum();
-                    // Interpolated normals that lie in the surface or vanish are of no use.
-                    if n.dot(geometric_normal) > 1e-3 * n.length() {
-                        shading_normal = n.normalize();
-                    }
-                }
-                let (material, object) = self.owners[id as usize];
+                let corners = primitive.corners().map(|p| p.as_dvec3());
+                let weights = ray.weights(corners);
+                let [a, b, c] = corners;
+                let normal = (b - a).cross(c - a).normalize();
+                let position = a * weights.x + b * weights.y + c * weights.z;
                 let largest = a.abs().max(b.abs()).max(c.abs());
-                Surface {
-                    position: (a * u + b * hit.v + c * hit.w) * inverse_scale,
-                    geometric_normal,
-                    shading_normal,
-                    material,
-                    object,
-                    error: error_of(geometric_normal, largest),
-                }
+                let surface = self.at(position, normal, largest, self.owners[id as usize]);
+                let shading_normal =
+                    self.shading_normal(id, weights.as_vec3(), surface.geometric_normal);
+                Surface { shading_normal, ..surface }
             }
             Shape::Sphere { id, center, radius } => {
-                let center = Vec3A::from(center);
-                let normal = (ray.at(hit.t) * self.scale - center).normalize();
-                let (material, object) = self.owners[(self.n_triangles + id) as usize];
-                Surface {
-                    position: (center + normal * radius) * inverse_scale,
-                    geometric_normal: normal,
-                    shading_normal: normal,
-                    material,
-                    object,
-                    error: error_of(normal, center.abs() + radius),
-                }
+                let (center, radius) = (center.as_dvec3(), f64::from(radius));
+                let normal = (ray.at(ray.sphere(center, radius)) - center).normalize();
+                let largest = center.abs() + radius;
+                self.at(
+                    center + normal * radius,
+                    normal,
+                    largest,
+                    self.owners[(self.n_triangles + id) as usize],
+                )
             }
         }
+    }
+
+    /// A point in scaled units, with its normal for both purposes. No part of the surface lies farther from the origin
+    /// than `largest`.
+    fn at(
+        &self,
+        position: DVec3,
+        normal: DVec3,
+        largest: DVec3,
+        owner: (MaterialId, u32),
+    ) -> Surface {
+        let inverse_scale = 1.0 / self.scale;
+        let position = position.as_vec3a();
+        let geometric_normal = normal.as_vec3a();
+        // Half a unit in the last place of each coordinate now, half a unit when a ray's origin is moved, twice that to
+        // be safe; and what double precision may lose on large surfaces.
+        let rounding = position.abs() * 2.0_f32.powi(-22) + largest.as_vec3a() * 2.0_f32.powi(-46);
+        Surface {
+            position: position * inverse_scale,
+            geometric_normal,
+            shading_normal: geometric_normal,
+            material: owner.0,
+            object: owner.1,
+            error: geometric_normal.abs().dot(rounding) * inverse_scale,
+        }
+    }
+
+    fn shading_normal(&self, triangle: u32, weights: Vec3, geometric_normal: Vec3A) -> Vec3A {
+        let Some([a, b, c]) = self.normals.get(triangle as usize) else { return geometric_normal };
+        let n = Vec3A::from(*a * weights.x + *b * weights.y + *c * weights.z);
+        let n = n * n.dot(geometric_normal).signum();
+        // Interpolated normals that lie in the surface or vanish are of no use.
+        if n.dot(geometric_normal) > 1e-3 * n.length() { n.normalize() } else { geometric_normal }
     }
 
     /// The box around everything.
@@ -208,11 +251,69 @@ impl Accel {
     }
 }
 
+/// What obvhs's `build_cwbvh` does, but for its checks in debug builds: they allow rounding of 1e-5, whatever the size of
+/// the scene.
+fn build_bvh(boxes: &[BoundedPrimitive]) -> CwBvh {
+    let params = BvhBuildParams::medium_build();
+    let mut bvh2 = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        boxes,
+        (0..boxes.len() as u32).collect(),
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    ReinsertionOptimizer::default().run(&mut bvh2, params.reinsertion_batch_ratio, None);
+    bvh2_to_cwbvh(&bvh2, MAX_PRIMITIVES_PER_LEAF, true, false)
+}
+
 /// The power of two that brings `size` into [2048, 4096).
 fn power_of_two_scale(size: f32) -> f32 {
     if size.is_normal() {
         2.0_f32.powi((11 - size.log2().floor() as i32).clamp(-120, 120))
     } else {
         1.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::{Rng, Stream};
+
+    #[test]
+    fn the_scale_is_a_power_of_two_that_brings_sizes_to_4096() {
+        for size in [1e-30, 1e-3, 0.999, 1.0, 1.001, 4096.0, 1e5, 1e30] {
+            let scale = power_of_two_scale(size);
+            assert_eq!(scale.log2().fract(), 0.0);
+            assert!((2048.0..4096.0).contains(&(size * scale)), "{size} {scale}");
+        }
+        for degenerate in [0.0, f32::INFINITY, f32::NAN] {
+            assert_eq!(power_of_two_scale(degenerate), 1.0);
+        }
+    }
+
+    #[test]
+    fn threads_change_nothing() {
+        let mut rng = Rng::new(0, Stream::Test, 0);
+        let mut mesh = Mesh::default();
+        // Enough for all of obvhs's parallel steps but the first, a sum that has no order.
+        for i in 0..120_000 {
+            let mut point = || Vec3::new(rng.next_f32(), rng.next_f32(), rng.next_f32());
+            let middle = point();
+            mesh.positions.extend((0..3).map(|_| middle + point() * 0.02));
+            mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+            mesh.materials.push(MaterialId(0));
+        }
+        let meshes = [mesh];
+        let build = |n_threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+            pool.install(|| Accel::build(&meshes, &[]))
+        };
+        let one = build(1);
+        for n_threads in [2, 3] {
+            let more = build(n_threads);
+            assert!(one.bvh.nodes == more.bvh.nodes, "nodes of {n_threads} threads");
+            assert_eq!(one.bvh.primitive_indices, more.bvh.primitive_indices);
+        }
     }
 }

@@ -17,7 +17,8 @@ pub struct Surface {
     pub material: MaterialId,
     /// The mesh or sphere it belongs to; meshes come first.
     pub object: u32,
-    /// How far `position` may lie from the true surface, and a ray's test of that surface err, in world units.
+    /// How far a ray must be moved off `position` to start surely on its side of the true surface, in world units: a few
+    /// units in the last place of `position`, along the normal.
     pub error: f32,
 }
 

@@ -1,0 +1,7 @@
+//! Rays against surfaces: exact where double precision is, closed where surfaces are, at any size and place.
+
+mod brute_force;
+mod leaving;
+mod shapes;
+mod special_cases;
+mod watertight;
