@@ -111,7 +111,7 @@ mod tests {
                 }
                 let mut seen = [false; 256];
                 points.iter().for_each(|p| {
-                    seen[(p[0] * 16.0) as usize * 16 + (p[1] * 16.0) as usize] = true
+                    seen[(p[0] * 16.0) as usize * 16 + (p[1] * 16.0) as usize] = true;
                 });
                 assert!(seen.iter().all(|&s| s), "pair, seed {seed}");
             }

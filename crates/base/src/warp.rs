@@ -85,7 +85,7 @@ pub fn smoothstep(u: f32) -> f32 {
         }
         let slope = 2.0 * x * x * (3.0 - 2.0 * x);
         let newton = x - value / slope;
-        x = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        x = if newton >= low && newton <= high { newton } else { 0.5 * (low + high) };
     }
     x
 }
