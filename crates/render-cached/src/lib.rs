@@ -1,1 +1,24 @@
-//! (skeleton)
+//! The program of pass 2: traces eye rays, computes the four components, all of them or a few, and writes pictures.
+
+mod args;
+mod diff;
+mod frame;
+mod original;
+mod output;
+mod paper;
+mod render;
+mod stats;
+
+pub use args::{Args, Command, Mode};
+pub use render::render;
+
+/// Runs the program.
+///
+/// # Errors
+/// Whatever went wrong, in words for the user.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    match &args.command {
+        Some(Command::Diff(args)) => diff::diff(args),
+        None => render(args),
+    }
+}

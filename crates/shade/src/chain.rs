@@ -54,8 +54,13 @@ impl<'a> Shader<'a> {
                 continue;
             };
             let inside = is_inside(&point.surface, &point);
-            let through = if inside && point.material.is_glass() { Some(point.material) } else { branch.medium };
-            let weight = branch.weight * through.map_or(Rgb::ONE, |glass| glass.transmittance(distance));
+            let through = if inside && point.material.is_glass() {
+                Some(point.material)
+            } else {
+                branch.medium
+            };
+            let weight =
+                branch.weight * through.map_or(Rgb::ONE, |glass| glass.transmittance(distance));
             arrive(ChainLeaf { point: Some(point), weight, stream }, work);
             if branch.length < MAX_LENGTH {
                 scatter(&point, weight, branch.medium, branch.length, &mut rng, &mut branches);
@@ -79,7 +84,9 @@ fn scatter<'a>(
     rng: &mut Rng,
     branches: &mut Vec<Branch<'a>>,
 ) {
-    for bounce in at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance).into_iter().flatten() {
+    for bounce in
+        at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance).into_iter().flatten()
+    {
         let mut weight = weight * bounce.weight;
         let largest = weight.max_channel();
         if largest < FOLLOW_ALWAYS {

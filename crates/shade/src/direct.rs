@@ -24,29 +24,53 @@ impl Shader<'_> {
     }
 
     /// Irradiance from one light, shadows included.
-    pub fn irradiance_from(&self, light: usize, surface: &Surface, stream: PixelStream, work: &mut Work) -> Rgb {
-        let unshadowed = self.scene.lights[light].unshadowed_irradiance(surface.position, surface.shading_normal);
+    pub fn irradiance_from(
+        &self,
+        light: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> Rgb {
+        let unshadowed = self.scene.lights[light]
+            .unshadowed_irradiance(surface.position, surface.shading_normal);
         match unshadowed {
             Some(u) if u.is_black() => Rgb::BLACK,
             Some(u) => u * self.visibility(light, surface, stream, work),
-            None => self.shadow_sums(light, surface, stream, work).arrived / self.settings.shadow_rays as f32,
+            None => {
+                self.shadow_sums(light, surface, stream, work).arrived
+                    / self.settings.shadow_rays as f32
+            }
         }
     }
 
     /// The share of a light's irradiance that arrives, in [0, 1].
-    pub fn visibility(&self, light: usize, surface: &Surface, stream: PixelStream, work: &mut Work) -> f32 {
+    pub fn visibility(
+        &self,
+        light: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> f32 {
         let sums = self.shadow_sums(light, surface, stream, work);
         if sums.sent > 0.0 { sums.arrived.mean() / sums.sent } else { 0.0 }
     }
 
-    fn shadow_sums(&self, light: usize, surface: &Surface, stream: PixelStream, work: &mut Work) -> ShadowSums {
+    fn shadow_sums(
+        &self,
+        light: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> ShadowSums {
         let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
         let light = &self.scene.lights[light];
         let n = if light.is_delta() { 1 } else { self.shadow_points.len() };
         let mut sums = ShadowSums { sent: 0.0, arrived: Rgb::BLACK };
         for &point in &self.shadow_points[..n] {
             let u = scramble(point, bits);
-            let Some(sample) = light.sample(surface.position, surface.shading_normal, u) else { continue };
+            let Some(sample) = light.sample(surface.position, surface.shading_normal, u) else {
+                continue;
+            };
             sums.sent += sample.irradiance.mean();
             if self.unoccluded(surface, sample.toward, work) {
                 sums.arrived += sample.irradiance;

@@ -1,7 +1,8 @@
 //! What shading needs to know.
 
 use base::{OwenSobol, Ray, Rgb};
-use glam::Vec2;
+use geometry::Surface;
+use glam::{Vec2, Vec3A};
 use photon_map::{Gather, PhotonMaps};
 use scene::Scene;
 
@@ -38,7 +39,8 @@ impl<'a> Shader<'a> {
     pub fn new(scene: &'a Scene, photons: &'a PhotonMaps, settings: Settings) -> Self {
         let sobol = OwenSobol::new(settings.seed);
         let bits = |x: f32| ((x * 16_777_216.0) as u32) << 8;
-        let shadow_points = (0..u64::from(settings.shadow_rays)).map(|i| sobol.point::<2>(i).map(bits)).collect();
+        let shadow_points =
+            (0..u64::from(settings.shadow_rays)).map(|i| sobol.point::<2>(i).map(bits)).collect();
         Self { scene, photons, settings, shadow_points }
     }
 
@@ -54,9 +56,18 @@ impl<'a> Shader<'a> {
     pub(crate) fn arrive(&self, ray: &Ray) -> Option<(ShadingPoint<'a>, f32)> {
         let hit = self.scene.accel.closest_hit(ray)?;
         let surface = self.scene.accel.surface(ray, &hit);
-        let w_o = -ray.dir();
-        let material = self.scene.material(&surface);
-        Some((ShadingPoint { surface, facing: surface.facing(w_o), material, w_o }, hit.t))
+        Some((self.shading_point(surface, -ray.dir()), hit.t))
+    }
+
+    /// A surface as seen from the unit direction `w_o`.
+    #[inline]
+    pub fn shading_point(&self, surface: Surface, w_o: Vec3A) -> ShadingPoint<'a> {
+        ShadingPoint {
+            surface,
+            facing: surface.facing(w_o),
+            material: self.scene.material(&surface),
+            w_o,
+        }
     }
 
     /// Radiance along a ray that meets nothing.

@@ -1,0 +1,191 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use base::ImageSize;
+use cli::{Common, parse_count};
+use photon_map::Kernel;
+
+/// Render a scene with saved photon maps, by component
+#[derive(Clone, Debug, clap::Parser)]
+#[command(
+    name = "render-cached",
+    version,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true
+)]
+pub struct Args {
+    /// What to do instead of rendering.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// The scene: a scene.toml
+    #[arg(required = true)]
+    pub scene: Option<PathBuf>,
+    /// The photon maps that photon-build has made of the scene
+    #[arg(long, value_name = "MAPS.photons", required = true)]
+    pub photons: Option<PathBuf>,
+    /// Where the picture goes: .exr holds all layers, .png what a screen shows; may be given several times
+    #[arg(short, long, value_name = "IMAGE", required = true)]
+    pub output: Vec<PathBuf>,
+    /// Width and height of the picture, in pixels
+    #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = parse_size)]
+    pub resolution: ImageSize,
+    /// Which pixels are computed
+    #[arg(long, value_enum, default_value_t = Mode::Paper)]
+    pub mode: Mode,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Exposure of .png pictures, in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_exposure)]
+    pub exposure: f32,
+    /// How components are computed.
+    #[command(flatten)]
+    pub shading: Shading,
+    /// How pixels are interpolated.
+    #[command(flatten)]
+    pub paper: Paper,
+    /// Options that all programs have.
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// Which pixels are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Mode {
+    /// Every component at every pixel
+    Original,
+    /// A few pixels, the rest interpolated where the paper's conditions allow it
+    Paper,
+}
+
+/// How components are computed; the same in every mode.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Quality")]
+pub struct Shading {
+    /// Shadow rays for each pixel and light with an extent
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub shadow_rays: u32,
+    /// Photons in an estimate of indirect light
+    #[arg(long, value_name = "K", default_value = "500", value_parser = parse_positive)]
+    pub gather: u64,
+    /// Greatest radius of an estimate of indirect light, in units of the scene [default: 1/20 of its diagonal]
+    #[arg(long, value_name = "R", value_parser = parse_length)]
+    pub gather_radius: Option<f32>,
+    /// Photons in an estimate of caustics
+    #[arg(long, value_name = "K", default_value = "100", value_parser = parse_positive)]
+    pub caustic_gather: u64,
+    /// Greatest radius of an estimate of caustics, in units of the scene [default: 1/100 of its diagonal]
+    #[arg(long, value_name = "R", value_parser = parse_length)]
+    pub caustic_radius: Option<f32>,
+    /// How the weight of a photon falls with its distance
+    #[arg(long, value_name = "NAME", default_value = "epanechnikov", value_parser = parse_kernel)]
+    pub kernel: Kernel,
+}
+
+/// How pixels are interpolated, and what is kept of the computed ones.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Mode paper")]
+pub struct Paper {
+    /// Greatest error of a candidate for direct light, Eq. (9)
+    #[arg(long, value_name = "TAU", default_value_t = 0.05, value_parser = parse_threshold)]
+    pub tau_direct: f32,
+    /// Greatest error of a candidate for indirect light, Eq. (10)
+    #[arg(long, value_name = "TAU", default_value_t = 0.05, value_parser = parse_threshold)]
+    pub tau_indirect: f32,
+    /// Greatest error of a candidate for specular light, Eq. (11)
+    #[arg(long, value_name = "TAU", default_value_t = 0.02, value_parser = parse_threshold)]
+    pub tau_specular: f32,
+    /// Side of the square in which candidates are searched, in pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=256))]
+    pub region: u32,
+    /// Distance that counts as an error of 1, `R_0` of Eq. (2), in units of the scene [default: 1/10 of its diagonal]
+    #[arg(long, value_name = "R", value_parser = parse_length)]
+    pub r0: Option<f32>,
+    /// Share of the pixels sampled at low resolution [default: one in each quarter of the region]
+    #[arg(long, value_name = "SHARE", value_parser = parse_fraction)]
+    pub fraction: Option<f64>,
+    /// Save all that was computed
+    #[arg(long, value_name = "FILE.cache")]
+    pub save_cache: Option<PathBuf>,
+    /// Start from what was saved, with other thresholds or at another resolution
+    #[arg(long, value_name = "FILE.cache")]
+    pub from_cache: Option<PathBuf>,
+}
+
+/// What else the program does.
+#[derive(Clone, Debug, clap::Subcommand)]
+pub enum Command {
+    /// Say how far two pictures differ
+    Diff(Diff),
+}
+
+/// Two pictures to be compared.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Diff {
+    /// The picture in question
+    pub a: PathBuf,
+    /// The reference
+    pub b: PathBuf,
+    /// Where a picture of the difference goes, as FLIP sees it
+    #[arg(short, long, value_name = "DIFF.png")]
+    pub output: Option<PathBuf>,
+    /// The layer to compare, such as direct [default: the whole picture]
+    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
+    pub layer: String,
+    /// Exposure at which FLIP looks, in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_exposure)]
+    pub exposure: f32,
+    /// Replace the output if it exists
+    #[arg(long)]
+    pub force: bool,
+}
+
+fn parse_size(text: &str) -> Result<ImageSize, String> {
+    let sides = text
+        .split_once('x')
+        .and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
+    let (width, height) = sides.ok_or("expected a width and a height such as 640x480")?;
+    match u64::from(width) * u64::from(height) {
+        0 => Err("a picture needs one pixel at least each way".into()),
+        n if n > 1 << 30 => Err("a picture may have 2^30 pixels at most".into()),
+        _ => Ok(ImageSize { width, height }),
+    }
+}
+
+fn parse_number(text: &str, is_fine: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|&n| n.is_finite() && is_fine(n));
+    number.ok_or_else(|| format!("expected {expected}"))
+}
+
+fn parse_exposure(text: &str) -> Result<f32, String> {
+    parse_number(text, |n| n.abs() <= 100.0, "a number of stops between -100 and 100")
+        .map(|n| n as f32)
+}
+
+fn parse_length(text: &str) -> Result<f32, String> {
+    parse_number(text, |n| n as f32 > 0.0, "a length above 0").map(|n| n as f32)
+}
+
+fn parse_threshold(text: &str) -> Result<f32, String> {
+    parse_number(text, |n| n >= 0.0, "a number from 0 up").map(|n| n as f32)
+}
+
+fn parse_fraction(text: &str) -> Result<f64, String> {
+    parse_number(text, |n| n >= 1e-6 && n <= 1.0, "a share from 0.000001 to 1")
+}
+
+fn parse_positive(text: &str) -> Result<u64, String> {
+    match parse_count(text)? {
+        n @ 1..=1_000_000 => Ok(n),
+        _ => Err("expected a count from 1 to 1M".into()),
+    }
+}
+
+fn parse_kernel(text: &str) -> Result<Kernel, String> {
+    let names = Kernel::ALL.map(Kernel::name).join(", ");
+    Kernel::ALL
+        .into_iter()
+        .find(|k| k.name() == text)
+        .ok_or_else(|| format!("expected one of {names}"))
+}

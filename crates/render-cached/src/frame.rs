@@ -1,0 +1,116 @@
+//! The eye rays of a picture, and the shading of any set of its pixels.
+
+use base::{Component, Grid, ImageSize, Interrupted, Pixel, Ray, Rgb, Watch};
+use geometry::Surface;
+use glam::Vec2;
+use rayon::prelude::*;
+use shade::{Counts, PixelStream, Shader, ShadingPoint, Work};
+
+/// Pixels that one task shades. Fixed, since the counts of work depend on it.
+const CHUNK: usize = 512;
+
+/// The side of the squares in which pixels are visited, so that neighbours in work are neighbours in space.
+const TILE: u32 = 32;
+
+/// What the eye sees, one ray through the middle of each pixel.
+#[derive(Debug)]
+pub(crate) struct Frame<'a> {
+    shader: Shader<'a>,
+    surfaces: Grid<Option<Surface>>,
+}
+
+impl<'a> Frame<'a> {
+    /// Traces the eye rays.
+    pub(crate) fn trace(
+        shader: Shader<'a>,
+        size: ImageSize,
+        watch: Watch<'_>,
+    ) -> Result<(Self, Counts), Interrupted> {
+        let pixels = pixels_by_tiles(size);
+        let (surfaces, counts) = for_pixels(&pixels, watch, |pixel, work| {
+            shader.eye_point(&eye_ray(&shader, size, pixel), work).map(|point| point.surface)
+        })?;
+        let mut grid = Grid::from_fn(size, |_| None);
+        pixels.iter().zip(surfaces).for_each(|(&pixel, surface)| grid[pixel] = surface);
+        Ok((Self { shader, surfaces: grid }, counts))
+    }
+
+    pub(crate) fn size(&self) -> ImageSize {
+        self.surfaces.size()
+    }
+
+    pub(crate) fn shader(&self) -> &Shader<'a> {
+        &self.shader
+    }
+
+    /// The first surface of a pixel, as the eye sees it.
+    pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
+        let w_o = -eye_ray(&self.shader, self.size(), pixel).dir();
+        self.surfaces[pixel].map(|surface| self.shader.shading_point(surface, w_o))
+    }
+
+    /// All pixels that show a surface, in an order in which neighbours are close.
+    pub(crate) fn surface_pixels(&self) -> Vec<Pixel> {
+        let mut pixels = pixels_by_tiles(self.size());
+        pixels.retain(|&p| self.surfaces[p].is_some());
+        pixels
+    }
+
+    /// Radiance of one component at some pixels.
+    pub(crate) fn shade(
+        &self,
+        component: Component,
+        pixels: &[Pixel],
+        watch: Watch<'_>,
+    ) -> Result<(Vec<Rgb>, Counts), Interrupted> {
+        for_pixels(pixels, watch, |pixel, work| {
+            let Some(point) = self.point(pixel) else { return Rgb::BLACK };
+            let stream = PixelStream(self.size().index(pixel) as u64);
+            match component {
+                Component::Direct => self.shader.direct(&point, stream, work),
+                Component::Indirect => self.shader.indirect(&point, work),
+                Component::Specular => self.shader.specular(&point, stream, work),
+                Component::Caustic => self.shader.caustic(&point, work),
+            }
+        })
+    }
+}
+
+fn eye_ray(shader: &Shader<'_>, size: ImageSize, pixel: Pixel) -> Ray {
+    shader.scene.camera.ray(size, Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5))
+}
+
+fn pixels_by_tiles(size: ImageSize) -> Vec<Pixel> {
+    let mut pixels = Vec::with_capacity(size.n_pixels());
+    for top in (0..size.height).step_by(TILE as usize) {
+        for left in (0..size.width).step_by(TILE as usize) {
+            for y in top..(top + TILE).min(size.height) {
+                pixels.extend((left..(left + TILE).min(size.width)).map(|x| Pixel { x, y }));
+            }
+        }
+    }
+    pixels
+}
+
+/// `f` of each pixel, in parallel, and the work that was done.
+fn for_pixels<T: Send>(
+    pixels: &[Pixel],
+    watch: Watch<'_>,
+    f: impl Fn(Pixel, &mut Work) -> T + Sync,
+) -> Result<(Vec<T>, Counts), Interrupted> {
+    let chunks: Option<Vec<(Vec<T>, Counts)>> = pixels
+        .par_chunks(CHUNK)
+        .map(|pixels| {
+            let mut work = Work::default();
+            let values = pixels.iter().map(|&p| f(p, &mut work)).collect();
+            watch(pixels.len() as u64).then_some((values, work.counts))
+        })
+        .collect();
+    let mut all = Vec::with_capacity(pixels.len());
+    let mut counts = Counts::default();
+    for (values, c) in chunks.ok_or(Interrupted)? {
+        all.extend(values);
+        counts += c;
+    }
+    Ok((all, counts))
+}

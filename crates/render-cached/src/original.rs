@@ -1,0 +1,33 @@
+//! `--mode original`: every component at every pixel.
+
+use base::{Component, Components, Grid, Interrupted, Rgb};
+use cache_map::Origin;
+use cli::{Clock, Seconds};
+use shade::Counts;
+
+use crate::frame::Frame;
+use crate::render::{Progress, Rendered};
+
+pub(crate) fn render(
+    frame: &Frame<'_>,
+    clock: &mut Clock,
+    progress: &Progress<'_>,
+) -> Result<Rendered, Interrupted> {
+    let pixels = frame.surface_pixels();
+    let mut counts = Counts::default();
+    let mut seconds = Components::<Seconds>::default();
+    let mut values = Components::from_fn(|_| Grid::from_fn(frame.size(), |_| Rgb::BLACK));
+    for component in Component::ALL {
+        let (radiance, c) = progress
+            .run(component.name(), pixels.len(), |watch| frame.shade(component, &pixels, watch))?;
+        pixels.iter().zip(radiance).for_each(|(&pixel, r)| values[component][pixel] = r);
+        counts += c;
+        seconds[component] = clock.lap();
+    }
+    let origins = Components::from_fn(|_| {
+        Grid::from_fn(frame.size(), |p| {
+            if frame.point(p).is_some() { Origin::Traced } else { Origin::None }
+        })
+    });
+    Ok(Rendered { values, origins, counts, seconds, cache: Seconds::default() })
+}

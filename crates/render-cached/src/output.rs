@@ -1,0 +1,145 @@
+//! Layers, and the files they go to.
+
+use base::{Component, Grid, Inventory, Pixel, Rgb};
+use cache_map::Origin;
+use film::{Format, Picture};
+use glam::Vec3A;
+use serde_json::json;
+
+use crate::frame::Frame;
+use crate::render::Rendered;
+use crate::{Args, Mode};
+
+/// The name of a component's layer.
+fn layer(component: Component) -> &'static str {
+    match component {
+        Component::Caustic => "caustics",
+        other => other.name(),
+    }
+}
+
+/// The command that makes the picture anew: only what decides its contents.
+pub(crate) fn command(args: &Args) -> String {
+    let (shading, paper) = (&args.shading, &args.paper);
+    let mut words: Vec<String> = vec!["render-cached".into()];
+    words.extend(args.scene.iter().map(|p| p.to_string_lossy().into_owned()));
+    let mut option = |name: &str, value: String| words.extend([name.into(), value]);
+    if let Some(path) = &args.photons {
+        option("--photons", path.to_string_lossy().into_owned());
+    }
+    option("--resolution", format!("{}x{}", args.resolution.width, args.resolution.height));
+    option("--seed", args.seed.to_string());
+    option("--shadow-rays", shading.shadow_rays.to_string());
+    option("--gather", shading.gather.to_string());
+    option("--caustic-gather", shading.caustic_gather.to_string());
+    option("--kernel", shading.kernel.name().into());
+    let mut length = |name: &str, value: Option<f32>| {
+        value.into_iter().for_each(|v| option(name, v.to_string()))
+    };
+    length("--gather-radius", shading.gather_radius);
+    length("--caustic-radius", shading.caustic_radius);
+    match args.mode {
+        Mode::Original => option("--mode", "original".into()),
+        Mode::Paper => {
+            length("--r0", paper.r0);
+            option("--mode", "paper".into());
+            option("--tau-direct", paper.tau_direct.to_string());
+            option("--tau-indirect", paper.tau_indirect.to_string());
+            option("--tau-specular", paper.tau_specular.to_string());
+            option("--region", paper.region.to_string());
+            if let Some(fraction) = paper.fraction {
+                option("--fraction", fraction.to_string());
+            }
+            if let Some(path) = &paper.from_cache {
+                option("--from-cache", path.to_string_lossy().into_owned());
+            }
+        }
+    }
+    words.push("--force".into());
+    cli::command_line(words.into_iter().map(Into::into))
+}
+
+/// All layers. The picture itself is the sum emission + direct + indirect + specular + caustics, in that order.
+pub(crate) fn picture(
+    args: &Args,
+    frame: &Frame<'_>,
+    rendered: &Rendered,
+    inputs: &Inventory,
+) -> Picture {
+    let size = frame.size();
+    let counts = rendered.counts;
+    let metadata = json!({
+        "command": command(args),
+        "version": env!("CARGO_PKG_VERSION"),
+        "seed": args.seed,
+        "inputs": inputs.fingerprint().to_string(),
+        "rays": { "eye": counts.eye_rays, "specular": counts.specular_rays, "shadow": counts.shadow_rays },
+        "photons_visited": counts.photons_visited,
+    });
+    let mut picture = Picture::new(size, metadata.to_string());
+
+    let background = frame.shader().background();
+    let emission =
+        Grid::from_fn(size, |p| frame.point(p).map_or(background, |point| point.emitted()));
+    let whole = Grid::from_fn(size, |p| {
+        Component::ALL
+            .into_iter()
+            .fold(emission[p], |sum, component| sum + rendered.values[component][p])
+    });
+    picture.push_rgb("", &whole);
+    for component in Component::ALL {
+        picture.push_rgb(layer(component), &rendered.values[component]);
+    }
+    picture.push_rgb("emission", &emission);
+
+    let mut push = |name: &str, f: &dyn Fn(Pixel) -> f32| {
+        picture.push(name, (0..size.n_pixels()).map(|i| f(size.pixel(i))).collect());
+    };
+    let mut push_vector = |name: &str, axes: [&str; 3], f: &dyn Fn(Pixel) -> Vec3A| {
+        for (i, axis) in axes.iter().enumerate() {
+            push(&format!("{name}.{axis}"), &|p| f(p)[i]);
+        }
+    };
+    let xyz = ["X", "Y", "Z"];
+    push_vector("P", xyz, &|p| frame.point(p).map_or(Vec3A::ZERO, |point| point.facing.position));
+    push_vector("N", xyz, &|p| {
+        frame.point(p).map_or(Vec3A::ZERO, |point| point.facing.geometric_normal)
+    });
+    push_vector("Ns", xyz, &|p| {
+        frame.point(p).map_or(Vec3A::ZERO, |point| point.facing.shading_normal)
+    });
+    push_vector("Albedo", ["R", "G", "B"], &|p| {
+        frame
+            .point(p)
+            .map_or(Vec3A::ZERO, |point| Vec3A::from_array(point.material.albedo.to_array()))
+    });
+    let camera = &frame.shader().scene.camera;
+    push("Z", &|p| frame.point(p).map_or(0.0, |point| camera.depth(point.surface.position)));
+    for component in Component::ALL {
+        let origins = &rendered.origins[component];
+        push(&format!("traced.{}", layer(component)), &|p| match origins[p] {
+            Origin::Sampled | Origin::Traced => 1.0,
+            Origin::None | Origin::Known | Origin::Interpolated => 0.0,
+        });
+        push(&format!("reason.{}", layer(component)), &|p| match origins[p] {
+            Origin::None | Origin::Known | Origin::Interpolated => 0.0,
+            Origin::Sampled => 1.0,
+            Origin::Traced => 2.0,
+        });
+    }
+    picture
+}
+
+/// Writes the picture to all outputs.
+pub(crate) fn write(args: &Args, picture: &Picture) -> anyhow::Result<()> {
+    for path in &args.output {
+        match Format::of(path)? {
+            Format::Exr => film::write_exr(path, args.common.existing(), picture)?,
+            Format::Png => {
+                let whole: Grid<Rgb> = picture.rgb("").expect("the whole picture is a layer");
+                film::write_png(path, args.common.existing(), &whole, args.exposure)?
+            }
+        };
+    }
+    Ok(())
+}

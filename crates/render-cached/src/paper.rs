@@ -1,0 +1,89 @@
+//! `--mode paper`: low-resolution samples, the cache map, interpolation, and tracing where no candidate fits.
+
+use base::{Component, Components, Grid, Inventory, Pixel};
+use cache_map::{CacheMap, Origin, Saved, SurfacePoint, Thresholds, choose_pixels};
+use cli::{Clock, Seconds};
+use shade::Counts;
+
+use crate::Args;
+use crate::frame::Frame;
+use crate::render::{Progress, Rendered};
+
+/// What the options mean for a scene of the given diagonal.
+pub(crate) fn thresholds(args: &Args, diagonal: f32) -> Thresholds {
+    let paper = &args.paper;
+    Thresholds {
+        direct: paper.tau_direct,
+        indirect: paper.tau_indirect,
+        specular: paper.tau_specular,
+        r0: paper.r0.unwrap_or(diagonal * 0.1),
+        reach: paper.region / 2,
+    }
+}
+
+/// Share of the pixels that are sampled: one in each quarter of the region.
+fn fraction(args: &Args) -> f64 {
+    let cell = f64::from((args.paper.region / 2).max(1));
+    args.paper.fraction.unwrap_or(1.0 / (cell * cell))
+}
+
+pub(crate) fn render(
+    args: &Args,
+    frame: &Frame<'_>,
+    inputs: &Inventory,
+    thresholds: &Thresholds,
+    clock: &mut Clock,
+    progress: &Progress<'_>,
+) -> anyhow::Result<Rendered> {
+    let mut counts = Counts::default();
+    let mut seconds = Components::<Seconds>::default();
+
+    let mut map = CacheMap::new(Grid::from_fn(frame.size(), |pixel| {
+        let facing = frame.point(pixel)?.facing;
+        Some(SurfacePoint {
+            position: facing.position.into(),
+            normal: facing.shading_normal.into(),
+        })
+    }));
+    if let Some(path) = &args.paper.from_cache {
+        map.adopt(&Saved::open(path, inputs)?);
+    }
+    let samples =
+        map.unserved(&choose_pixels(frame.size(), fraction(args), args.seed), fraction(args));
+    let mut cache = clock.lap();
+
+    let mut trace = |map: &mut CacheMap,
+                     component: Component,
+                     pixels: &[Pixel],
+                     origin|
+     -> anyhow::Result<()> {
+        let what = if origin == Origin::Sampled { "samples" } else { component.name() };
+        let (radiance, c) =
+            progress.run(what, pixels.len(), |watch| frame.shade(component, pixels, watch))?;
+        map.record(component, pixels, &radiance, origin);
+        counts += c;
+        Ok(())
+    };
+    for component in Component::ALL {
+        let missing = map.missing(component, &samples);
+        trace(&mut map, component, &missing, Origin::Sampled)?;
+        seconds[component] += clock.lap();
+    }
+    for component in Component::ALL {
+        let to_trace = map.plan(component, thresholds);
+        cache += clock.lap();
+        trace(&mut map, component, &to_trace, Origin::Traced)?;
+        seconds[component] += clock.lap();
+        map.interpolate(component, thresholds);
+        cache += clock.lap();
+    }
+    if let Some(path) = &args.paper.save_cache {
+        let made_by = concat!("render-cached ", env!("CARGO_PKG_VERSION"));
+        let command =
+            crate::output::command(args).replacen(" --force", " --save-cache {file} --force", 1);
+        map.save(path, args.common.existing(), inputs, made_by, &command)?;
+        cache += clock.lap();
+    }
+    let origins = Components::from_fn(|component| map.origins(component).clone());
+    Ok(Rendered { values: map.into_values(), origins, counts, seconds, cache })
+}

@@ -1,0 +1,145 @@
+//! The account of a run: for people, and as JSON whose names are a contract.
+
+use base::{Component, Components};
+use cache_map::Origin;
+use cli::{Console, Seconds};
+use photon_map::PhotonMaps;
+use serde::Serialize;
+
+use crate::frame::Frame;
+use crate::render::Rendered;
+use crate::{Args, Mode};
+
+/// Time of what isn't a component.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stages {
+    pub(crate) load: Seconds,
+    pub(crate) primary: Seconds,
+    pub(crate) write: Seconds,
+    pub(crate) total: Seconds,
+}
+
+#[derive(Debug, Serialize)]
+pub(crate) struct Stats {
+    program: &'static str,
+    version: &'static str,
+    scene: String,
+    mode: &'static str,
+    resolution: [u32; 2],
+    supersample: u32,
+    seed: u64,
+    threads: usize,
+    photons_fingerprint: String,
+    seconds: StageSeconds,
+    cpu_seconds: StageSeconds,
+    traced: Components<u64>,
+    interpolated: Components<u64>,
+    rays: Rays,
+    photons_visited: u64,
+    chains_cut: u64,
+    peak_rss_bytes: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct StageSeconds {
+    load: f64,
+    primary: f64,
+    direct: f64,
+    indirect: f64,
+    specular: f64,
+    caustic: f64,
+    cache: f64,
+    write: f64,
+    total: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Rays {
+    eye: u64,
+    specular: u64,
+    shadow: u64,
+    gather: u64,
+}
+
+impl Stats {
+    pub(crate) fn new(
+        args: &Args,
+        frame: &Frame<'_>,
+        rendered: &Rendered,
+        photons: &PhotonMaps,
+        stages: &Stages,
+    ) -> Self {
+        let count = |wanted: &[Origin]| {
+            Components::from_fn(|component| {
+                let origins = rendered.origins[component].values();
+                origins.iter().filter(|o| wanted.contains(o)).count() as u64
+            })
+        };
+        let seconds = |f: fn(&Seconds) -> f64| StageSeconds {
+            load: f(&stages.load),
+            primary: f(&stages.primary),
+            direct: f(&rendered.seconds.direct),
+            indirect: f(&rendered.seconds.indirect),
+            specular: f(&rendered.seconds.specular),
+            caustic: f(&rendered.seconds.caustic),
+            cache: f(&rendered.cache),
+            write: f(&stages.write),
+            total: f(&stages.total),
+        };
+        let counts = rendered.counts;
+        Self {
+            program: "render-cached",
+            version: env!("CARGO_PKG_VERSION"),
+            scene: args.scene.as_ref().map_or_else(String::new, |p| p.display().to_string()),
+            mode: match args.mode {
+                Mode::Original => "original",
+                Mode::Paper => "paper",
+            },
+            resolution: [frame.size().width, frame.size().height],
+            supersample: 1,
+            seed: args.seed,
+            threads: rayon::current_num_threads(),
+            photons_fingerprint: photons.fingerprint().to_string(),
+            seconds: seconds(|s| s.wall),
+            cpu_seconds: seconds(|s| s.cpu),
+            traced: count(&[Origin::Sampled, Origin::Traced]),
+            interpolated: count(&[Origin::Interpolated]),
+            rays: Rays {
+                eye: counts.eye_rays,
+                specular: counts.specular_rays,
+                shadow: counts.shadow_rays,
+                gather: 0,
+            },
+            photons_visited: counts.photons_visited,
+            chains_cut: counts.chains_cut,
+            peak_rss_bytes: cli::peak_rss_bytes(),
+        }
+    }
+
+    /// The account for people.
+    pub(crate) fn say(&self, console: &Console) {
+        let [w, h] = self.resolution;
+        let n_pixels = f64::from(w) * f64::from(h);
+        for component in Component::ALL {
+            let (traced, cpu) = (self.traced[component], self.cpu_of(component));
+            let share = traced as f64 / n_pixels * 100.0;
+            console.say(format_args!(
+                "{component:>10} {cpu:8.2} CPU s, {share:6.2} % of the pixels traced"
+            ));
+        }
+        console.say(format_args!("{:>10} {:8.2} CPU s", "cache", self.cpu_seconds.cache));
+        console.say(format_args!(
+            "{w}x{h} in {:.2} s ({:.2} CPU s), mode {}",
+            self.seconds.total, self.cpu_seconds.total, self.mode
+        ));
+    }
+
+    fn cpu_of(&self, component: Component) -> f64 {
+        match component {
+            Component::Direct => self.cpu_seconds.direct,
+            Component::Indirect => self.cpu_seconds.indirect,
+            Component::Specular => self.cpu_seconds.specular,
+            Component::Caustic => self.cpu_seconds.caustic,
+        }
+    }
+}
