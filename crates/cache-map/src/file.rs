@@ -218,7 +218,8 @@ mod tests {
                 chosen.iter().map(|p| Rgb::new(p.x as f32, p.y as f32, i as f32)).collect();
             first.record(component, &chosen, &values, Origin::Sampled);
         }
-        let traced = size.pixel((0..size.n_pixels()).find(|&i| !chosen.contains(&size.pixel(i))).unwrap());
+        let traced =
+            size.pixel((0..size.n_pixels()).find(|&i| !chosen.contains(&size.pixel(i))).unwrap());
         first.record(Component::Direct, &[traced], &[Rgb::splat(7.0)], Origin::Traced);
         first.save(&path, Existing::Refuse, &inputs(1), "test", "test {file}").unwrap();
 

@@ -26,7 +26,9 @@ mod tests {
 
     #[test]
     fn letters_are_powers_of_a_thousand() {
-        for (text, count) in [("0", 0), ("500", 500), ("250K", 250_000), ("1.5M", 1_500_000), ("2g", 2_000_000_000)] {
+        for (text, count) in
+            [("0", 0), ("500", 500), ("250K", 250_000), ("1.5M", 1_500_000), ("2g", 2_000_000_000)]
+        {
             assert_eq!(parse_count(text), Ok(count));
         }
         for text in ["", "K", "-1", "1e6", "1.0005K", "NaN", "1 M", "inf", "9999999999999999"] {

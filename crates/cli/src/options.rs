@@ -61,6 +61,8 @@ impl Common {
             // Building a BVH over triangles in bad places recurses deeply.
             .stack_size(64 << 20)
             .build()
-            .with_context(|| format!("cannot start {} threads; ask for fewer with -t", self.threads))
+            .with_context(|| {
+                format!("cannot start {} threads; ask for fewer with -t", self.threads)
+            })
     }
 }

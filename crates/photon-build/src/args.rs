@@ -8,7 +8,12 @@ use cli::{Common, parse_count};
 ///
 /// The maps serve every camera, resolution and mode of render-cached.
 #[derive(Clone, Debug, clap::Parser)]
-#[command(name = "photon-build", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(
+    name = "photon-build",
+    version,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true
+)]
 pub struct Args {
     /// What to do instead of building a map.
     #[command(subcommand)]

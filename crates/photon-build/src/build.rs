@@ -52,7 +52,8 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     let tree = clock.lap();
 
     let made_by = concat!("photon-build ", env!("CARGO_PKG_VERSION"));
-    let file_bytes = maps.save(output, args.common.existing(), made_by, &remedy(args, scene_path))?;
+    let file_bytes =
+        maps.save(output, args.common.existing(), made_by, &remedy(args, scene_path))?;
     let write = clock.lap();
 
     let n_photons: usize = maps.sets().map(|(_, set)| set.len()).sum();
@@ -111,8 +112,12 @@ fn budget(args: &Args) -> anyhow::Result<Budget> {
         None => Budget::Total(args.photons.unwrap_or(1_000_000)),
     };
     match budget {
-        Budget::Total(0) => bail!(WrongUsage("--photons 0 emits nothing; ask for one photon at least".into())),
-        Budget::PerLight(0) => bail!(WrongUsage("--photons-per-light 0 emits nothing; ask for one at least".into())),
+        Budget::Total(0) => {
+            bail!(WrongUsage("--photons 0 emits nothing; ask for one photon at least".into()))
+        }
+        Budget::PerLight(0) => {
+            bail!(WrongUsage("--photons-per-light 0 emits nothing; ask for one at least".into()))
+        }
         budget => Ok(budget),
     }
 }
@@ -141,7 +146,10 @@ fn trace(
 fn audit(account: &Account, max_bounces: u32, console: &Console) -> anyhow::Result<()> {
     let ended = account.absorbed + account.escaped + account.cut;
     if ended != account.emitted {
-        bail!("{} photons were emitted and {ended} ended: this is a bug, please report it", account.emitted);
+        bail!(
+            "{} photons were emitted and {ended} ended: this is a bug, please report it",
+            account.emitted
+        );
     }
     if account.cut > 0 {
         let share = account.cut as f64 / account.emitted as f64 * 100.0;
