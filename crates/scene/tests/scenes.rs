@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use base::Rgb;
 use base::math::PI;
 use glam::Vec3A;
-use scene::{Loaded, load};
+use scene::{Loaded, Scene, load};
 
 fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes")
@@ -18,7 +18,8 @@ fn load_scene(name: &str) -> Loaded {
 
 /// All folders below `scenes/` that hold a scene.
 fn all(folder: &Path, found: &mut Vec<PathBuf>) {
-    let mut entries: Vec<_> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    let entries = fs::read_dir(folder).expect("the folder of scenes");
+    let mut entries: Vec<_> = entries.map(|e| e.expect("an entry").path()).collect();
     entries.sort();
     for path in entries {
         if path.is_dir() {
@@ -49,4 +50,28 @@ fn lamp_of_the_cornell_box_gives_the_known_irradiance() {
     for (e, expected) in e.to_array().into_iter().zip(expected.to_array()) {
         assert!((e / expected - 1.0).abs() < 1e-6, "{e}, not {expected}");
     }
+}
+
+#[test]
+fn small_scenes_have_the_light_their_comments_promise() {
+    let irradiance = |scene: &Scene, at: Vec3A| {
+        scene.lights[0].unshadowed_irradiance(at, Vec3A::Y).map_or(0.0, |e| e.g)
+    };
+    let scene = load_scene("tests/point-over-plane").scene;
+    assert!((irradiance(&scene, Vec3A::ZERO) - 2.5).abs() < 1e-6);
+    let scene = load_scene("tests/form-factor").scene;
+    assert!((irradiance(&scene, Vec3A::ZERO) - 0.752275).abs() < 1e-6);
+    let n = 200;
+    let place = |i: i32| (i as f32 + 0.5) / n as f32 - 0.5;
+    let sum: f64 = (0..n * n)
+        .map(|i| f64::from(irradiance(&scene, Vec3A::new(place(i % n), 0.0, place(i / n)))))
+        .sum();
+    let factor = sum / f64::from(n * n) / f64::from(PI);
+    assert!((factor - 0.1998249).abs() < 1e-5, "{factor}");
+    let scene = load_scene("tests/furnace").scene;
+    let flux = scene.lights[0].flux(&scene.bounds()).r;
+    assert!((flux / (24.0 * PI) - 1.0).abs() < 1e-6, "{flux}");
+    let scene = load_scene("tests/each-light").scene;
+    let names: Vec<_> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+    assert_eq!(names, ["panel", "ember", "point", "spot", "sun", "sky"]);
 }

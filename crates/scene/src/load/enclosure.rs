@@ -6,10 +6,10 @@ use glam::{DVec3, Vec3A};
 
 use crate::{LightKind, Material, Parts, Specular};
 
-/// The object that shuts the camera in where no light gets, such as ``sphere `ball` ``.
+/// The name of the object that shuts the camera in where no light gets.
 ///
 /// Only what is sure to give a black picture counts: the object is closed and opaque, and nothing in its box emits.
-pub(super) fn dark_enclosure(parts: &Parts) -> Option<String> {
+pub(super) fn dark_enclosure(parts: &Parts) -> Option<&String> {
     let eye = parts.camera.origin();
     let spheres = parts.spheres.iter().filter(|(_, sphere)| {
         let center = Vec3A::from(sphere.center);
@@ -27,9 +27,7 @@ pub(super) fn dark_enclosure(parts: &Parts) -> Option<String> {
             && !has_light(parts, &bounds)
             && winding_number(mesh, eye.as_dvec3()).abs() > 1.0 - 1e-6
     });
-    let spheres = spheres.map(|(name, _)| format!("sphere `{name}`"));
-    let mut all = spheres.chain(meshes.map(|(name, _)| format!("`{name}`")));
-    all.next()
+    spheres.map(|(name, _)| name).chain(meshes.map(|(name, _)| name)).next()
 }
 
 fn is_opaque(material: &Material) -> bool {

@@ -146,7 +146,7 @@ impl Source {
             .message()
             .replace("unknown field", "unknown key")
             .replace("missing field", "missing key")
-            .replace("duplicate field", "duplicate key")
+            .replace("expected f64", "expected a number")
             .replace('\n', ", ");
         self.fault(error.span().unwrap_or(0..0), fault)
     }

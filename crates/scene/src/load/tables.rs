@@ -12,7 +12,7 @@ use super::source::{Color, Factors};
 type Place = Spanned<[f64; 3]>;
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct SceneFile {
     pub(super) camera: Spanned<CameraTable>,
     #[serde(default)]
@@ -30,7 +30,7 @@ pub(super) struct SceneFile {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct CameraTable {
     pub(super) origin: Place,
     pub(super) target: Place,
@@ -41,7 +41,7 @@ pub(super) struct CameraTable {
 
 /// All kinds of material in one: which keys go with which `type` is checked later, with better words than serde's.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct MaterialTable {
     #[serde(rename = "type")]
     pub(super) kind: Spanned<String>,
@@ -56,7 +56,7 @@ pub(super) struct MaterialTable {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct MeshTable {
     pub(super) name: Option<Spanned<String>>,
     pub(super) file: Spanned<String>,
@@ -66,7 +66,7 @@ pub(super) struct MeshTable {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct TransformTable {
     pub(super) scale: Option<Spanned<Factors>>,
     pub(super) rotate: Option<Rotations>,
@@ -75,7 +75,7 @@ pub(super) struct TransformTable {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct RotationTable {
     pub(super) axis: Place,
     pub(super) degrees: Spanned<f64>,
@@ -119,7 +119,7 @@ impl<'de> Deserialize<'de> for Rotations {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct QuadTable {
     pub(super) name: Option<Spanned<String>>,
     pub(super) corner: Place,
@@ -128,7 +128,7 @@ pub(super) struct QuadTable {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct BoxTable {
     pub(super) name: Option<Spanned<String>>,
     pub(super) min: Option<Place>,
@@ -141,7 +141,7 @@ pub(super) struct BoxTable {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct SphereTable {
     pub(super) name: Option<Spanned<String>>,
     pub(super) center: Place,
@@ -151,7 +151,7 @@ pub(super) struct SphereTable {
 
 /// All kinds of light in one, as for [`MaterialTable`].
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct LightTable {
     #[serde(rename = "type")]
     pub(super) kind: Spanned<String>,

@@ -50,9 +50,9 @@ pub(super) fn finish(
         warnings.push(source.fault_of_whole(text).to_string());
     }
     let parts = Parts { camera, materials, meshes, spheres, lights };
-    if let Some(object) = dark_enclosure(&parts) {
+    if let Some(name) = dark_enclosure(&parts) {
         let fault = format!(
-            "the camera is shut in by the opaque {object}, where no light gets; move one of them"
+            "the camera is shut in by `{name}`, which is opaque and has no light inside; move one of them"
         );
         return Err(source.fault_of_whole(fault));
     }
