@@ -174,3 +174,81 @@ fn join(first: &[Vec3; 3], second: &[Vec3; 3]) -> Option<Piece> {
         fits.then(|| Piece::new(corner, next - corner, previous - corner, false))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn n_pieces(triangles: &[[Vec3; 3]]) -> usize {
+        let light = AreaLight::new(triangles, Rgb::ONE);
+        let area: f32 = triangles.iter().map(|t| (t[1] - t[0]).cross(t[2] - t[0]).length()).sum();
+        assert!(
+            (light.area() / (0.5 * area) - 1.0).abs() < 1e-6,
+            "{} of {triangles:?}",
+            light.area()
+        );
+        light.pieces.len()
+    }
+
+    /// The corners of a triangle, started at each.
+    fn turns(t: [Vec3; 3]) -> [[Vec3; 3]; 3] {
+        [t, [t[1], t[2], t[0]], [t[2], t[0], t[1]]]
+    }
+
+    #[test]
+    fn halves_of_a_parallelogram_are_joined_wherever_their_corners_start() {
+        let (a, b) = (Vec3::new(1.3, 0.0, 0.2), Vec3::new(0.4, 0.9, -0.3));
+        for corner in [Vec3::ZERO, Vec3::new(-5.0, 3.0, 8.0)] {
+            let (o, p, q, r) = (corner, corner + a, corner + a + b, corner + b);
+            for (first, second) in [([o, p, q], [o, q, r]), ([o, p, r], [p, q, r])] {
+                for first in turns(first) {
+                    for second in turns(second) {
+                        assert_eq!(n_pieces(&[first, second]), 1);
+                        assert_eq!(n_pieces(&[second, first]), 1);
+                        let light = AreaLight::new(&[first, second], Rgb::ONE);
+                        let expected = Vec3A::from(a.cross(b).normalize());
+                        assert!((light.pieces[0].normal - expected).length() < 1e-6);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn other_pairs_are_not_joined() {
+        let (o, x, y) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+        let first = [o, x, y];
+        let others = [
+            // A kite, with a fourth corner too far out; one too far in, so that the outline is concave.
+            [x, Vec3::new(2.0, 2.0, 0.0), y],
+            [x, Vec3::new(0.6, 0.6, 0.0), y],
+            // Folded along the shared edge, a little and all the way; and flat, but facing the other way.
+            [x, Vec3::new(1.0, 1.0, 0.1), y],
+            [y, x, o],
+            [x, y, Vec3::new(1.0, 1.0, 0.0)],
+            // No shared edge: a corner, nothing, everything.
+            [x, Vec3::new(2.0, 0.0, 0.0), Vec3::new(1.0, 1.0, 0.0)],
+            first.map(|p| p + 3.0),
+            first,
+        ];
+        for second in others {
+            for second in turns(second) {
+                assert_eq!(n_pieces(&[first, second]), 2, "{second:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_neighbors_are_joined() {
+        let square = |z: f32| {
+            let [o, p, q, r] =
+                [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, z));
+            [[o, p, q], [o, q, r]]
+        };
+        let [a, b] = [square(0.0), square(1.0)];
+        assert_eq!(n_pieces(&[a[0], a[1], b[0], b[1]]), 2);
+        assert_eq!(n_pieces(&[a[0], a[1], b[0]]), 2);
+        assert_eq!(n_pieces(&[a[0], b[0], b[1]]), 2);
+        assert_eq!(n_pieces(&[a[0], b[0], a[1], b[1]]), 4);
+    }
+}
