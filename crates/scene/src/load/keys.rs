@@ -67,11 +67,28 @@ pub(super) fn span<T>(value: &Option<Spanned<T>>) -> Option<Range<usize>> {
     value.as_ref().map(Spanned::span)
 }
 
-/// "a, b and c".
+/// "a, b and c"; of many words only the first ones.
 pub(super) fn list(words: &[&str]) -> String {
+    const MOST: usize = 12;
     match words {
         [] => "none".into(),
         [word] => (*word).into(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+        [first @ .., last] if words.len() <= MOST => format!("{} and {last}", first.join(", ")),
+        _ => format!("{} and {} more", words[..MOST].join(", "), words.len() - MOST),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_read_like_sentences() {
+        let words: Vec<String> = (1..=14).map(|i| i.to_string()).collect();
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        assert_eq!(list(&[]), "none");
+        assert_eq!(list(&words[..1]), "1");
+        assert_eq!(list(&words[..3]), "1, 2 and 3");
+        assert_eq!(list(&words), "1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 and 2 more");
     }
 }

@@ -288,3 +288,153 @@ fn map_file(statement: &str) -> &str {
     }
     rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The only material of a library, and its warnings.
+    fn material(lines: &str) -> Result<(Material, Vec<String>), String> {
+        let text = format!("newmtl a\n{lines}\n");
+        Library::read(Path::new("l.mtl"), text.as_bytes())
+            .and_then(|library| library.material(0))
+            .map_err(|e| e.to_string())
+    }
+
+    fn clean(lines: &str) -> Material {
+        let (material, warnings) = material(lines).unwrap();
+        assert!(warnings.is_empty(), "{lines}: {warnings:?}");
+        material
+    }
+
+    #[test]
+    fn illumination_models() {
+        let kd = Rgb::new(0.5, 0.25, 0.125);
+        for illum in ["", "illum 0", "illum 1"] {
+            let m = clean(&format!("Kd 0.5 0.25 0.125\nKa 1 1 1\n{illum}"));
+            assert_eq!((m.albedo, m.specular), (kd, Specular::None));
+        }
+        for illum in [3, 5, 8] {
+            let m = clean(&format!("Kd 0.5 0.25 0.125\nKs 0.25\nillum {illum}"));
+            let reflectance = Rgb::splat(0.25);
+            assert_eq!((m.albedo, m.specular), (kd, Specular::Mirror { reflectance }));
+        }
+        for illum in [4, 6, 7, 9] {
+            let m = clean(&format!("Kd 0.5\nKs 1\nd 0.1\nTf 1\nNi 1.33\nillum {illum}"));
+            let glass = Specular::Glass { ior: 1.33, absorption: Rgb::BLACK };
+            assert_eq!((m.albedo, m.specular), (Rgb::BLACK, glass));
+        }
+        let m = clean("Kd 0.5\nKe 3 2 1");
+        assert_eq!(m.emission, Rgb::new(3.0, 2.0, 1.0));
+        assert_eq!(m.name, "a");
+    }
+
+    #[test]
+    fn short_colors_are_gray() {
+        // tobj alone panics on this line.
+        assert_eq!(clean("Kd 0.5").albedo, Rgb::splat(0.5));
+        assert_eq!(clean("Kd\t0.5 0.5\\\n 0.25 # comment").albedo, Rgb::new(0.5, 0.5, 0.25));
+    }
+
+    #[test]
+    fn foreign_encodings_do_no_harm() {
+        let bytes = b"# \xa9 caf\xe9\r\nnewmtl b\xe9ton\r\nKd 1\r\n";
+        let library = Library::read(Path::new("l.mtl"), bytes).unwrap();
+        assert_eq!(library.find("b\u{fffd}ton"), Some(0));
+    }
+
+    #[test]
+    fn what_is_ignored_is_told() {
+        let cases = [
+            (
+                "Kd 0.5\nKs 0.5\nNs 10\nillum 2",
+                "l.mtl: highlights (Ks with illum 2) are not rendered; use illum 3 for mirrors",
+            ),
+            (
+                "Kd 0.5\nd 0.5",
+                "l.mtl:1:1: material `a` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass",
+            ),
+            (
+                "Kd 0.5\nd -halo 0.5",
+                "l.mtl:1:1: material `a` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass",
+            ),
+            (
+                "Kd 0.5\nTr 0.5",
+                "l.mtl:1:1: material `a` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass",
+            ),
+            ("Ka 0.5", "l.mtl:1:1: material `a` is black; give it Kd"),
+            (
+                "Kd 0.75\nKs 0.5\nillum 3",
+                "l.mtl:1:1: material `a` would create light; its Kd and Ks are divided by 1.25",
+            ),
+            (
+                "Kd 0.5\nmap_Kd -s 2 2 -clamp on my wood.png",
+                "l.mtl:3:1: textures are not supported; the map_Kd of material `a`, my wood.png, is ignored",
+            ),
+            (
+                "Kd 0.5\nbump -bm 0.1 -o 1 b.png",
+                "l.mtl:3:1: textures are not supported; the bump of material `a`, b.png, is ignored",
+            ),
+            ("Kd 0.5\nPm 1", "l.mtl:3:1: `Pm` of material `a` is not supported and ignored"),
+            (
+                "illum 7\nNi 1.5\nTf 1 0 0",
+                "l.mtl:4:1: the Tf of material `a` is ignored; use a scene file's glass with absorption",
+            ),
+        ];
+        for (lines, expected) in cases {
+            assert_eq!(material(lines).unwrap().1, [expected]);
+        }
+        let (scaled, _) = material("Kd 0.75\nKs 0.5\nillum 3").unwrap();
+        assert!((scaled.albedo.r - 0.6).abs() < 1e-6);
+        let Specular::Mirror { reflectance } = scaled.specular else { panic!("{scaled:?}") };
+        assert!((reflectance.r - 0.4).abs() < 1e-6);
+    }
+
+    #[test]
+    fn faults_name_material_and_line() {
+        let cases = [
+            (
+                "Kd spectral file.rfl 1",
+                "l.mtl:2:1: the Kd of material `a` is given as `spectral`; give red, green and blue",
+            ),
+            (
+                "Ks xyz 1 1 1",
+                "l.mtl:2:1: the Ks of material `a` is given as `xyz`; give red, green and blue",
+            ),
+            ("Kd 1 1", "l.mtl:2:1: the Kd of material `a` needs one number or three, not 2"),
+            ("Kd", "l.mtl:2:1: the Kd of material `a` needs one number or three, not 0"),
+            ("Kd 1 x 1", "l.mtl:2:1: `x` after `Kd` is no number"),
+            ("Kd nan", "l.mtl:2:1: `Kd` holds NaN; give finite numbers"),
+            ("Kd -1", "l.mtl:2:1: the Kd of material `a` is negative; use 0 or more"),
+            ("Ke 1e20", "l.mtl:2:1: the Ke of material `a` is too large; use at most 1e15"),
+            ("Ni", "l.mtl:2:1: `Ni` of material `a` needs a number"),
+            ("illum x", "l.mtl:2:1: `illum` of material `a` needs a number from 0 to 9"),
+            (
+                "illum 7",
+                "l.mtl:1:1: material `a` is glass (illum 7) but has no index of refraction; add Ni, such as Ni 1.5",
+            ),
+            (
+                "illum 7\nNi 0",
+                "l.mtl:1:1: the Ni of material `a` is 0; indices of refraction lie between 0.1 and 10",
+            ),
+            (
+                "illum 7\nNi 1.5\nKe 1",
+                "l.mtl:1:1: material `a` is glass (illum 7), which cannot emit; remove Ke or use illum 1",
+            ),
+            (
+                "illum 10",
+                "l.mtl:1:1: material `a` has illum 10, which is not supported; use 1 for diffuse, 3 for mirrors or 7 for glass",
+            ),
+            ("newmtl", "l.mtl:2:1: `newmtl` needs a name"),
+            (
+                "newmtl b\nnewmtl a",
+                "l.mtl:3:1: material `a` is defined again, after line 1; rename one",
+            ),
+        ];
+        for (lines, expected) in cases {
+            assert_eq!(material(lines).unwrap_err(), expected);
+        }
+        let early = Library::read(Path::new("l.mtl"), b"Kd 1\n").unwrap_err();
+        assert_eq!(early.to_string(), "l.mtl:1:1: `Kd` stands before any `newmtl`");
+    }
+}

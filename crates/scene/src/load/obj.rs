@@ -92,3 +92,193 @@ fn add_model(model: &tobj::Mesh, material: MaterialId, with_normals: bool, mesh:
         mesh.triangles.extend(triangles.into_iter().map(|t| t.map(|i| first + i)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn obj(text: &[u8]) -> Result<Obj, String> {
+        read(Path::new("a.obj"), text, Materials::Ignored).map_err(|e| e.to_string())
+    }
+
+    /// The corners of all triangles.
+    fn corners(obj: &Obj) -> Vec<[[f32; 3]; 3]> {
+        (0..obj.mesh.triangles.len()).map(|t| obj.mesh.corners(t).map(|p| p.to_array())).collect()
+    }
+
+    const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+    #[test]
+    fn every_way_of_writing_a_face() {
+        let expected = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]];
+        for face in [
+            "f 1 2 3",
+            "f 1/1 2/2 3/3",
+            "f 1//1 2//1 3//1",
+            "f 1/1/1 2/2/1 3/3/1",
+            "f -4 -3 -2",
+            "f\t1 2\\\n 3 # good",
+            "  f 1 2 3  \r",
+            "f 1/ 2/ 3/",
+        ] {
+            let text = format!("# caf\u{e9}\n{CORNERS}vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 2\n{face}\n");
+            let obj = obj(text.as_bytes()).unwrap();
+            assert_eq!(corners(&obj), expected, "{face}");
+            assert!(obj.warnings.is_empty(), "{:?}", obj.warnings);
+        }
+    }
+
+    #[test]
+    fn concave_polygons_keep_their_shape() {
+        // An arrow head of area 1: a fan around its first corner would cover 2.
+        let obj = obj(b"v 0 2 0\nv 1 1 0\nv 0 0 0\nv 2 1 0\nf 1 2 3 4\n").unwrap();
+        let area: f32 = (0..2)
+            .map(|t| {
+                let [a, b, c] = obj.mesh.corners(t);
+                let normal = (b - a).cross(c - a);
+                assert!(normal.z > 0.0);
+                0.5 * normal.z
+            })
+            .sum();
+        assert_eq!(area, 1.0);
+    }
+
+    #[test]
+    fn points_lines_and_groups_are_no_faces() {
+        let text = format!(
+            "{CORNERS}o a\ng b c\ns 1\np 1 2\nl 1 2 3\nf 1 2 3\ng d\nf 1 3 4\nmtllib none.mtl\nusemtl x\n"
+        );
+        let obj = obj(text.as_bytes()).unwrap();
+        assert_eq!(obj.mesh.triangles.len(), 2);
+        assert!(obj.warnings.is_empty(), "{:?}", obj.warnings);
+    }
+
+    #[test]
+    fn latin_1_comments_and_byte_order_marks_do_no_harm() {
+        let text =
+            [b"\xef\xbb\xbf# caf\xe9\n".as_slice(), CORNERS.as_bytes(), b"f 1 2 3\n"].concat();
+        assert_eq!(obj(&text).unwrap().mesh.triangles.len(), 1);
+    }
+
+    #[test]
+    fn normals_belong_to_their_corners() {
+        let text = format!("{CORNERS}vn 0 0 1\nvn 0 1 1\nf 1//1 2//2 3//1\nf 1//2 3//1 4//1\n");
+        let obj = obj(text.as_bytes()).unwrap();
+        let normals: Vec<_> = (0..2)
+            .flat_map(|t| obj.mesh.triangles[t].map(|i| obj.mesh.normals[i as usize].y))
+            .collect();
+        assert_eq!(normals, [0.0, 1.0, 0.0, 1.0, 0.0, 0.0]);
+        assert_eq!(obj.mesh.normals.len(), obj.mesh.positions.len());
+    }
+
+    #[test]
+    fn half_a_set_of_normals_is_none() {
+        let faces =
+            "o smooth\nf 1//1 2//1 3//1\no mixed\nf 1//1 3 4//1\nf 1 2 3\no flat\nf 2 1 3\n";
+        let text = format!("{CORNERS}vn 0 3 0\n{faces}");
+        let obj = obj(text.as_bytes()).unwrap();
+        assert_eq!(
+            obj.warnings,
+            [
+                "a.obj:9:1: only some corners of the object `mixed` have normals; all of them are ignored"
+            ]
+        );
+        assert_eq!(obj.mesh.normals.len(), obj.mesh.positions.len());
+        let normals: Vec<_> =
+            (0..4).map(|t| obj.mesh.triangles[t].map(|i| obj.mesh.normals[i as usize])).collect();
+        assert_eq!(normals, [[3.0 * Vec3::Y; 3], [Vec3::Z; 3], [Vec3::Z; 3], [-Vec3::Z; 3]]);
+    }
+
+    #[test]
+    fn faults_name_their_line() {
+        let cases = [
+            ("v 0 nan 0", "a.obj:5:1: `v` holds NaN; give finite numbers"),
+            ("v 0 1e999 0", "a.obj:5:1: `v` holds inf; give finite numbers"),
+            ("v 0 0 -3e8", "a.obj:5:1: -3e8 is too large; keep numbers within 1e8"),
+            ("v 0 0", "a.obj:5:1: `v` needs 3 numbers"),
+            ("v 0 zero 0", "a.obj:5:1: `zero` after `v` is no number"),
+            ("vn 0 0 inf", "a.obj:5:1: `vn` holds inf; give finite numbers"),
+            ("f 1 2 5", "a.obj:5:1: the face names vertex 5, but there are 4 before it"),
+            ("f 1 2 0", "a.obj:5:1: the face names vertex 0, but there are 4 before it"),
+            ("f 1 2 -5", "a.obj:5:1: the face names vertex -5, but there are 4 before it"),
+            ("f 1//1 2//1 3//1", "a.obj:5:1: the face names normal 1, but there are 0 before it"),
+            ("f 1 2", "a.obj:5:1: the face has 2 corners; faces have 3 to 4096"),
+            ("f", "a.obj:5:1: the face has 0 corners; faces have 3 to 4096"),
+            ("f 1 2 x", "a.obj:5:1: `x` is no corner of a face"),
+            ("f 1 2 3/1/1/1", "a.obj:5:1: the face names normal 1, but there are 0 before it"),
+            ("f 1 2 3///", "a.obj:5:1: `3///` is no corner of a face"),
+            (
+                "f 1 2 99999999999999999999",
+                "a.obj:5:1: `99999999999999999999` is no corner of a face",
+            ),
+            (
+                "f 1 2 -9223372036854775808",
+                "a.obj:5:1: the face names vertex -9223372036854775808, but there are 4 before it",
+            ),
+            ("glTF\u{1}", "a.obj:5:1: `glTF\\u{1}` is no statement of OBJ files; remove the line"),
+            ("", "a.obj: the file holds no faces; save it as a mesh"),
+        ];
+        for (line, expected) in cases {
+            let text = format!("{CORNERS}{line}\n");
+            assert_eq!(obj(text.as_bytes()).unwrap_err(), expected);
+        }
+        let text = format!("{CORNERS}curv 0 1 1 2\nsurf 1\nf 1 2 3");
+        assert_eq!(
+            obj(text.as_bytes()).unwrap().warnings,
+            ["a.obj: free-form curves and surfaces are ignored; save the file as a mesh"]
+        );
+        let without = read(
+            Path::new("a.obj"),
+            format!("{CORNERS}f 1 2 3").as_bytes(),
+            Materials::FromLibraries,
+        );
+        assert_eq!(
+            without.unwrap_err().to_string(),
+            "a.obj:5:1: the face has no material; add `usemtl`, or give the mesh a material in the scene file"
+        );
+    }
+
+    #[test]
+    fn materials_come_from_libraries() {
+        let folder = tempfile::tempdir().unwrap();
+        let write =
+            |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("a b.mtl", "newmtl Red #1\nKd 1 0 0\nnewmtl unused\nillum 10\n");
+        write("c.mtl", "newmtl green\nKd 0 1 0\n");
+        write("d.mtl", "newmtl blue\nKd 0 0 1\n");
+        let from = |text: &str| {
+            let path = folder.path().join("a.obj");
+            read(&path, format!("{CORNERS}{text}").as_bytes(), Materials::FromLibraries)
+                .map_err(|e| e.to_string().replace(&format!("{}/", folder.path().display()), ""))
+        };
+        let obj = from(
+            "mtllib a b.mtl\nmtllib c.mtl d.mtl\nusemtl green\nf 1 2 3\nusemtl\tRed #1\nf 1 2 4\nf 1 3 4\nusemtl green\nf 2 3 4\n",
+        )
+        .unwrap();
+        assert!(obj.warnings.is_empty(), "{:?}", obj.warnings);
+        let names: Vec<_> = obj.materials.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!(names, ["green", "Red #1"]);
+        assert_eq!(obj.mesh.materials, [0, 1, 1, 0].map(MaterialId));
+        let cases = [
+            (
+                "usemtl red\nf 1 2 3",
+                "a.obj:5:1: `usemtl` names the unknown material `red`; the libraries hold none",
+            ),
+            (
+                "mtllib c.mtl d.mtl\nusemtl red\nf 1 2 3",
+                "a.obj:6:1: `usemtl` names the unknown material `red`; the libraries hold green and blue",
+            ),
+            (
+                "mtllib e.mtl\nusemtl red\nf 1 2 3",
+                "a.obj:5:1: cannot read e.mtl: there is no such file; or give the mesh a material in the scene file",
+            ),
+            (
+                "mtllib a b.mtl\nusemtl unused\nf 1 2 3",
+                "a b.mtl:3:1: material `unused` has illum 10, which is not supported; use 1 for diffuse, 3 for mirrors or 7 for glass",
+            ),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(from(text).unwrap_err(), expected);
+        }
+    }
+}

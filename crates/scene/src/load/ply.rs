@@ -39,11 +39,11 @@ pub(super) fn read(path: &Path, bytes: &[u8], material: MaterialId) -> Result<Pl
         };
         return Err(whole(fault.into()));
     }
+
+    let mut body = Body::new(path, bytes, &header)?;
     if n_vertices > 1 << 31 {
         return Err(whole("the file holds more than 2^31 vertices; split it".into()));
     }
-
-    let mut body = Body::new(path, bytes, &header)?;
     let mut mesh = Mesh::default();
     let mut faces = Faces::default();
     for element in &header.elements {
@@ -188,4 +188,241 @@ fn read_faces(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ply(bytes: &[u8]) -> Result<Ply, String> {
+        read(Path::new("a.ply"), bytes, MaterialId(3)).map_err(|e| e.to_string())
+    }
+
+    const POSITIONS: [[f32; 3]; 4] =
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.5, 0.0], [-0.25, 1.0, 0.125]];
+    const FACES: [&[u32]; 3] = [&[0, 1, 2], &[0, 2, 3], &[3, 2, 1, 0]];
+
+    /// A file of these vertices and faces, with other properties and elements around them.
+    fn written(format: &str, coordinate: &str, length: &str, index: &str) -> Vec<u8> {
+        let header = format!(
+            "ply\r\nformat {format} 1.0\ncomment made by hand\nobj_info none\nelement camera 1\nproperty float view\n\
+             property list uchar short path\nelement vertex 4\nproperty uchar red\nproperty {coordinate} z\n\
+             property {coordinate} y\nproperty list uchar float weights\nproperty {coordinate} x\n\
+             property {coordinate} nx\nproperty {coordinate} ny\nproperty {coordinate} nz\nelement face 3\n\
+             property int flags\nproperty list {length} {index} vertex_indices\nproperty char last\n\
+             element edge 1\nproperty int vertex1\nend_header\n"
+        );
+        let mut bytes = header.into_bytes();
+        let mut put = |kind: &str, value: f64| match (format, kind) {
+            ("ascii", _) => bytes.extend(format!("{value} ").bytes()),
+            (_, kind) => {
+                let mut b = match kind {
+                    "char" | "int8" => (value as i8).to_le_bytes().to_vec(),
+                    "uchar" | "uint8" => (value as u8).to_le_bytes().to_vec(),
+                    "short" | "int16" => (value as i16).to_le_bytes().to_vec(),
+                    "ushort" | "uint16" => (value as u16).to_le_bytes().to_vec(),
+                    "int" | "int32" => (value as i32).to_le_bytes().to_vec(),
+                    "uint" | "uint32" => (value as u32).to_le_bytes().to_vec(),
+                    "float" | "float32" => (value as f32).to_le_bytes().to_vec(),
+                    _ => value.to_le_bytes().to_vec(),
+                };
+                if format == "binary_big_endian" {
+                    b.reverse();
+                }
+                bytes.extend(b);
+            }
+        };
+        [("float", 0.5), ("uchar", 2.0), ("short", -7.0), ("short", 9.0)]
+            .iter()
+            .for_each(|&(kind, v)| put(kind, v));
+        for [x, y, z] in POSITIONS.map(|p| p.map(f64::from)) {
+            put("uchar", 255.0);
+            put(coordinate, z);
+            put(coordinate, y);
+            put("uchar", 1.0);
+            put("float", 0.25);
+            put(coordinate, x);
+            [0.0, 2.0, 0.0].iter().for_each(|&n| put(coordinate, n));
+        }
+        for face in FACES {
+            put("int", -1.0);
+            put(length, face.len() as f64);
+            face.iter().for_each(|&i| put(index, f64::from(i)));
+            put("char", -3.0);
+        }
+        put("int", 0.0);
+        bytes
+    }
+
+    #[test]
+    fn all_formats_and_types_read_alike() {
+        for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
+            for coordinate in ["float", "float32", "double", "float64"] {
+                for length in ["uchar", "int8", "ushort", "int16", "uint", "int32"] {
+                    for index in ["char", "uint8", "short", "uint16", "int", "uint32"] {
+                        let file = written(format, coordinate, length, index);
+                        let Ply { mesh, warnings } = ply(&file).unwrap();
+                        let positions: Vec<_> =
+                            mesh.positions.iter().map(|p| p.to_array()).collect();
+                        assert_eq!(positions, POSITIONS, "{format} {coordinate} {length} {index}");
+                        assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]);
+                        assert_eq!(mesh.normals, [Vec3::Y; 4]);
+                        assert_eq!(mesh.materials, [MaterialId(3); 4]);
+                        assert!(warnings.is_empty(), "{warnings:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cut_files_are_refused_everywhere() {
+        for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
+            let file = written(format, "float", "uchar", "int");
+            // The last value of a text may lose its blank.
+            let whole = file.trim_ascii_end().len();
+            let whole = if format == "ascii" { whole } else { file.len() };
+            for end in 0..whole {
+                let message = ply(&file[..end]).unwrap_err();
+                assert!(message.starts_with("a.ply"), "{message}");
+            }
+        }
+    }
+
+    #[test]
+    fn faults_are_named() {
+        let head = |vertices: &str, faces: &str| {
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\n\
+                 property float z\nelement face {faces}\nproperty list uchar int vertex_index\nend_header\n"
+            )
+        };
+        let body = "0 0 0\n1 0 0\n1 1 0\n";
+        let cases = [
+            (String::new(), "a.ply: the header has no end; the file is cut off or not a PLY file"),
+            ("solid a\n".into(), "a.ply:1:1: this is no PLY file; its first line must be `ply`"),
+            (
+                "ply\nformat ascii 1.0\n".into(),
+                "a.ply: the header has no end; the file is cut off or not a PLY file",
+            ),
+            (
+                "ply\nformat binary 1.0\n".into(),
+                "a.ply:2:1: `format binary 1.0` is unknown; the formats are ascii, binary_little_endian and binary_big_endian",
+            ),
+            (
+                "ply\nelement vertex -1\n".into(),
+                "a.ply:2:1: `element vertex -1` must be: element NAME COUNT",
+            ),
+            ("ply\nproperty float x\n".into(), "a.ply:2:1: a property stands before any element"),
+            (
+                "ply\nelement vertex 1\nproperty half x\n".into(),
+                "a.ply:3:1: `property half x` must be: property TYPE NAME, or: property list TYPE TYPE NAME",
+            ),
+            (
+                "ply\nelement vertex 1\nproperty list float int x\n".into(),
+                "a.ply:3:1: `property list float int x` must be: property TYPE NAME, or: property list TYPE TYPE NAME",
+            ),
+            (
+                "ply\nelement vertex 1\nproperty int x\nproperty int x\n".into(),
+                "a.ply:4:1: there are two properties `x`; keep one",
+            ),
+            (
+                "ply\nelement vertex 1\nelement vertex 1\n".into(),
+                "a.ply:3:1: there are two elements `vertex`; keep one",
+            ),
+            (
+                "ply\nvertices 1\n".into(),
+                "a.ply:2:1: `vertices` is no word of PLY headers; save the file anew",
+            ),
+            (
+                "ply\nelement vertex 1\nend_header\n".into(),
+                "a.ply:3:1: the element `vertex` has no properties",
+            ),
+            ("ply\nend_header\n".into(), "a.ply:2:1: the header names no format"),
+            (head("3", "0") + body, "a.ply: the file holds no faces; save it as a mesh"),
+            (
+                head("3", "0").replace("element face", "element tristrips") + body,
+                "a.ply: the file holds triangle strips instead of faces; save it with faces",
+            ),
+            (
+                head("999999999999", "1") + body,
+                "a.ply: the header promises 999999999999 of `vertex`, for which the file is too short; it may be cut off",
+            ),
+            (
+                head("18446744073709551615", "1") + body,
+                "a.ply: the header promises 18446744073709551615 of `vertex`, for which the file is too short; it may be cut off",
+            ),
+            (
+                head("3", "1000") + body + "3 0 1 2\n",
+                "a.ply: the header promises 1000 of `face`, for which the file is too short; it may be cut off",
+            ),
+            (
+                head("3", "1") + body + "3 0 1\n",
+                "a.ply: the file ends in `face` 0 of 1; it is cut off",
+            ),
+            (
+                head("3", "1") + body + "300 0 1\n",
+                "a.ply:13:1: the list `vertex_index` of face 0 promises 300 values, more than the file holds",
+            ),
+            (
+                head("3", "1") + body + "-3 0 1\n",
+                "a.ply:13:1: the list `vertex_index` of face 0 promises -3 values, more than the file holds",
+            ),
+            (
+                head("3", "1") + body + "3 0 1 3\n",
+                "a.ply:13:1: face 0 names vertex 3, but the vertices are 0 to 2",
+            ),
+            (
+                head("3", "1") + body + "3 0 1 -1\n",
+                "a.ply:13:1: face 0 names vertex -1, but the vertices are 0 to 2",
+            ),
+            (
+                head("3", "1") + body + "3 0 1 1.5\n",
+                "a.ply:13:1: face 0 names vertex 1.5, but the vertices are 0 to 2",
+            ),
+            (head("3", "1") + body + "3 0 1 two\n", "a.ply:13:1: `two` of face 0 is no number"),
+            (
+                head("3", "1") + "0 0 0\n1 nan 0\n1 1 0\n3 0 1 2\n",
+                "a.ply:11:1: vertex 1 lies at (1, NaN, 0); coordinates must be finite and within 1e8",
+            ),
+            (
+                head("3", "1") + "0 0 0\n1 0 0\n1 1 -1e9\n3 0 1 2\n",
+                "a.ply:12:1: vertex 2 lies at (1, 1, -1000000000); coordinates must be finite and within 1e8",
+            ),
+            (
+                head("3", "1").replace(" y", " v") + body + "3 0 1 2\n",
+                "a.ply: vertices have no property `y`; save positions as x, y, z",
+            ),
+            (
+                head("3", "1").replace("vertex_index", "corners") + body + "3 0 1 2\n",
+                "a.ply: faces have no list `vertex_indices`; save the file with faces",
+            ),
+            (
+                head("1", "1").replace(
+                    "property float z",
+                    "property float z\nproperty float nx\nproperty float ny\nproperty float nz",
+                ) + "0 0 0 0 inf 0\n3 0 0 0\n",
+                "a.ply:13:1: the normal of vertex 0 is (0, inf, 0); normals must be finite",
+            ),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(ply(text.as_bytes()).unwrap_err(), expected);
+        }
+        let loose = head("3", "3") + body + "2 0 1\n0\n3 0 1 2\n\nmore\n";
+        assert_eq!(
+            ply(loose.as_bytes()).unwrap().warnings,
+            [
+                "a.ply: 2 faces with fewer than 3 corners are ignored",
+                "a.ply: 4 bytes after the last element are ignored"
+            ]
+        );
+        // Binary files have no lines to name.
+        let mut file = written("binary_little_endian", "float", "uchar", "int");
+        let last_face = file.len() - 4 - 1 - 4;
+        file[last_face..last_face + 4].copy_from_slice(&4_i32.to_le_bytes());
+        assert_eq!(
+            ply(&file).unwrap_err(),
+            "a.ply: face 2 names vertex 4, but the vertices are 0 to 3"
+        );
+    }
 }
