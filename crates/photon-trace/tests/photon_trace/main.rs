@@ -1,0 +1,7 @@
+//! Photons against closed forms: what becomes of them, where they land, and how much flux they carry.
+
+mod account;
+mod caustics;
+mod classes;
+mod glass;
+mod world;
