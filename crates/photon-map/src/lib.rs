@@ -8,10 +8,12 @@ mod estimate;
 mod file;
 mod flux;
 mod kernel;
+mod reach;
 mod set;
 mod traverse;
 
 pub use estimate::{Estimate, Gather, Scratch};
 pub use file::{KIND, Metadata, PhotonMaps, VERSION};
 pub use kernel::Kernel;
+pub use reach::Reach;
 pub use set::{LEAF, PhotonSet, StoredPhoton};

@@ -82,6 +82,19 @@ impl PhotonSet {
         }
     }
 
+    /// The boxes of the leaves, as lower and upper corners.
+    pub(crate) fn leaf_boxes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+        self.leaves.iter().map(|leaf| {
+            let (min, step) = (Vec3::from(leaf.min), Vec3::from(leaf.step));
+            (min, min + step * 65535.0)
+        })
+    }
+
+    /// Where the photons of a leaf lie.
+    pub(crate) fn positions_of_leaf(&self, leaf: usize) -> impl Iterator<Item = Vec3> {
+        (leaf * LEAF..self.n.min((leaf + 1) * LEAF)).map(|i| self.photon(i).position.into())
+    }
+
     #[inline(always)]
     pub(crate) fn flux_of(&self, i: usize) -> Rgb {
         flux::unpack(self.flux[i]) * self.flux_scale
