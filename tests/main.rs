@@ -1,1 +1,4 @@
 //! Tests that cross crates.
+
+mod path_tracer;
+mod scenes;

@@ -1,0 +1,127 @@
+//! Light straight from where it is emitted.
+
+use std::f64::consts::FRAC_1_PI;
+
+use base::Ray;
+use glam::DVec3;
+use scene::{LightKind, Material, Parts, Scene};
+
+use super::{Random, Vertex, color, optics};
+
+/// An emissive triangle.
+struct Emitter {
+    corners: [DVec3; 3],
+    normal: DVec3,
+    radiance: DVec3,
+}
+
+/// All lights but the environment, which is found by following directions.
+pub(super) struct Lights<'a> {
+    parts: &'a Parts,
+    scene: &'a Scene,
+    emitters: Vec<Emitter>,
+    /// Sums of area times brightest channel, up to and including each emitter.
+    cumulative: Vec<f64>,
+}
+
+impl<'a> Lights<'a> {
+    pub(super) fn new(parts: &'a Parts, scene: &'a Scene) -> Self {
+        let (mut emitters, mut cumulative, mut sum) = (Vec::new(), Vec::new(), 0.0);
+        for mesh in parts.meshes.iter().map(|(_, mesh)| mesh) {
+            for (t, id) in mesh.materials.iter().enumerate() {
+                let radiance = color(parts.materials[usize::from(id.0)].emission);
+                if radiance != DVec3::ZERO {
+                    let corners = mesh.corners(t).map(|p| p.as_dvec3());
+                    let double_area = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+                    sum += 0.5 * double_area.length() * radiance.max_element();
+                    cumulative.push(sum);
+                    emitters.push(Emitter { corners, normal: double_area.normalize(), radiance });
+                }
+            }
+        }
+        Self { parts, scene, emitters, cumulative }
+    }
+
+    /// The density per steradian at which [`Lights::irradiance`] would choose a point of an emitter.
+    pub(super) fn emitter_pdf(&self, radiance: DVec3, cos: f64, distance: f64) -> f64 {
+        let sum = self.cumulative.last().expect("what emits is in the list of emitters");
+        radiance.max_element() / sum * distance * distance / cos
+    }
+
+    /// Irradiance, one estimate. Of emitters it is the share that following directions leaves over.
+    pub(super) fn irradiance(
+        &self,
+        at: &Vertex<'_>,
+        medium: Option<&Material>,
+        random: &mut Random,
+    ) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        if let Some(total) = self.cumulative.last() {
+            let chosen = random.uniform() * total;
+            let index = self.cumulative.partition_point(|&c| c <= chosen);
+            let emitter = &self.emitters[index.min(self.emitters.len() - 1)];
+            let (root, v) = (random.uniform().sqrt(), random.uniform());
+            let [a, b, c] = emitter.corners;
+            let target = a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v);
+            let to_light = target - at.position;
+            let (distance, dir) = (to_light.length(), to_light.normalize());
+            let (cos, cos_light) = (dir.dot(at.shading_normal), -dir.dot(emitter.normal));
+            if cos > 0.0 && cos_light > 0.0 {
+                let pdf = self.emitter_pdf(emitter.radiance, cos_light, distance);
+                sum += emitter.radiance * self.visibility(at, dir, distance, medium) * cos
+                    / (pdf + cos * FRAC_1_PI);
+            }
+        }
+        for light in &self.parts.lights {
+            let (dir, distance, received) = match &light.kind {
+                // Found by following directions.
+                LightKind::Area(_) | LightKind::Environment { .. } => continue,
+                LightKind::Point { position, intensity } => {
+                    let to_light = position.as_dvec3() - at.position;
+                    (
+                        to_light.normalize(),
+                        to_light.length(),
+                        color(*intensity) / to_light.length_squared(),
+                    )
+                }
+                LightKind::Spot(spot) => {
+                    let to_light = spot.position.as_dvec3() - at.position;
+                    let cos = -to_light.normalize().dot(spot.direction.as_dvec3());
+                    let (outer, inner) = (f64::from(spot.cos_outer), f64::from(spot.cos_inner));
+                    let share =
+                        if cos >= inner { 1.0 } else { ((cos - outer) / (inner - outer)).max(0.0) };
+                    let intensity = color(spot.intensity) * (share * share * (3.0 - 2.0 * share));
+                    (to_light.normalize(), to_light.length(), intensity / to_light.length_squared())
+                }
+                LightKind::Directional { direction, irradiance } => {
+                    (-direction.as_dvec3(), f64::INFINITY, color(*irradiance))
+                }
+            };
+            let cos = dir.dot(at.shading_normal);
+            if cos > 0.0 && received != DVec3::ZERO {
+                sum += received * cos * self.visibility(at, dir, distance, medium);
+            }
+        }
+        sum
+    }
+
+    /// What arrives of light from a direction: all or nothing, but for the medium around.
+    fn visibility(
+        &self,
+        at: &Vertex<'_>,
+        dir: DVec3,
+        distance: f64,
+        medium: Option<&Material>,
+    ) -> DVec3 {
+        if dir.dot(at.geometric_normal) <= 0.0 {
+            return DVec3::ZERO;
+        }
+        let dir = dir.as_vec3a().normalize();
+        // Ends before the light's own surface.
+        let end = (distance * (1.0 - 1e-5)) as f32;
+        if self.scene.accel.occluded(&Ray::new(at.surface.leave(dir), dir, end)) {
+            return DVec3::ZERO;
+        }
+        optics::transmittance(medium, distance)
+    }
+}
