@@ -204,8 +204,10 @@ pub(super) fn largest_stack<'a>(
 fn spot([a, b, c]: [Vec3; 3]) -> u64 {
     let (min, max) = (a.min(b).min(c), a.max(b).max(c));
     let center = (a.as_dvec3() + b.as_dvec3() + c.as_dvec3()).as_vec3();
-    let [min, max, center] = [min, max, center].map(|p| hash(place_bits(p)));
-    min ^ max.rotate_left(21) ^ center.rotate_left(42)
+    // Unlike sums, a chain of products needs no further mixing.
+    [min, max, center].into_iter().flat_map(place_bits).fold(0, |h: u64, word| {
+        (h.rotate_left(23) ^ u64::from(word)).wrapping_mul(0xd134_2543_de82_ef95)
+    })
 }
 
 /// Mixes the bits of three words (the finalizer of `SplitMix64`, Steele et al. 2014).
@@ -218,4 +220,115 @@ fn hash([x, y, z]: [u32; 3]) -> u64 {
         h ^= h >> 31;
     }
     h
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::shapes::cuboid;
+    use geometry::MaterialId;
+
+    fn cube() -> Mesh {
+        cuboid(Vec3::ZERO, Vec3::ONE, MaterialId(0))
+    }
+
+    #[test]
+    fn closed_glass_passes() {
+        let mut mesh = cube();
+        let before = mesh.triangles.clone();
+        assert_eq!(check_hull(&mut mesh, &[true]), HullFaults::default());
+        assert_eq!(mesh.triangles, before);
+        // With corners of its own for every triangle, as after smoothing groups.
+        let mut split = Mesh { materials: mesh.materials.clone(), ..Mesh::default() };
+        for t in 0..12 {
+            split.triangles.push([0, 1, 2].map(|i| (3 * t + i) as u32));
+            // -0 is in the same place as 0.
+            let sign = if t % 2 == 0 { 1.0 } else { -1.0 };
+            let signed = |x: f32| if x == 0.0 { x.copysign(sign) } else { x };
+            split
+                .positions
+                .extend(mesh.corners(t).map(|p| Vec3::from_array(p.to_array().map(signed))));
+        }
+        assert_eq!(check_hull(&mut split, &[true]), HullFaults::default());
+    }
+
+    #[test]
+    fn faults_of_the_hull_are_counted() {
+        let mut open = cube();
+        open.triangles.pop();
+        open.materials.pop();
+        assert_eq!(check_hull(&mut open, &[true]).open_edges, 3);
+        assert_eq!(check_hull(&mut open, &[false]), HullFaults::default());
+
+        let mut twisted = cube();
+        twisted.triangles[0].swap(0, 1);
+        assert_eq!(check_hull(&mut twisted, &[true]).twisted_edges, 3);
+
+        let mut inside_out = cube();
+        inside_out.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        assert!(check_hull(&mut inside_out, &[true]).inside_out);
+        assert_eq!(check_hull(&mut inside_out, &[true]), HullFaults::default());
+
+        // A hull may be closed by another material, such as a painted base.
+        let mut painted = cube();
+        painted.materials[..2].fill(MaterialId(1));
+        assert_eq!(check_hull(&mut painted, &[true, false]), HullFaults::default());
+    }
+
+    #[test]
+    fn useless_triangles_are_dropped() {
+        let mut mesh = cube();
+        let n = mesh.positions.len() as u32;
+        // A copy with corners of its own and turned around, a needle, a point, and a sliver thinner than rounding.
+        let [a, b, c] = mesh.corners(5);
+        mesh.positions.extend([c, b, a, Vec3::new(0.5, 0.5, 0.5), Vec3::new(0.5, 1e-9, 0.0)]);
+        mesh.triangles.extend([[n, n + 1, n + 2], [0, 1, 1], [n + 3; 3], [0, 1, n + 4]]);
+        mesh.materials.extend([0, 1, 2, 3].map(MaterialId));
+        assert_eq!(drop_useless(&mut mesh), Dropped { without_area: 3, duplicates: 1 });
+        assert_eq!(mesh.triangles, cube().triangles);
+        assert_eq!(mesh.materials, cube().materials);
+        assert_eq!(drop_useless(&mut mesh), Dropped::default());
+    }
+
+    #[test]
+    fn small_triangles_are_kept() {
+        for scale in [1e-6, 1e-3, 1.0, 1e5] {
+            let corners = [Vec3::ZERO, Vec3::X, Vec3::new(0.5, 1e-4, 0.0)].map(|p| p * scale);
+            assert!(has_area(corners), "{scale}");
+        }
+    }
+
+    #[test]
+    fn normals_become_unit_vectors() {
+        let mut mesh = cube();
+        mesh.normals = vec![Vec3::new(0.0, 3e30, 0.0); 8];
+        mesh.normals[7] = Vec3::ZERO;
+        mesh.normals[6] = Vec3::new(0.0, -1e-30, 0.0);
+        assert_eq!(repair_normals(&mut mesh), 1);
+        assert_eq!(mesh.normals[0], Vec3::Y);
+        assert_eq!(mesh.normals[6], -Vec3::Y);
+        assert!(mesh.normals[7].is_normalized() && mesh.normals[7].min_element() > 0.3);
+        // The faces around pull towards the corner they meet in.
+        assert!(mesh.normals[7].dot(Vec3::ONE.normalize()) > 0.9);
+    }
+
+    #[test]
+    fn stacks_are_measured() {
+        let one = cube();
+        let mut many = cube();
+        // All six ways to write one triangle lie on one spot.
+        for _ in 0..50 {
+            many.triangles.extend([
+                [0, 4, 6],
+                [4, 6, 0],
+                [6, 0, 4],
+                [6, 4, 0],
+                [4, 0, 6],
+                [0, 6, 4],
+            ]);
+        }
+        assert_eq!(largest_stack([&one, &many].into_iter()), Some((302, 0)));
+        assert_eq!(largest_stack([&one].into_iter()).map(|s| s.0), Some(1));
+        assert_eq!(largest_stack(std::iter::empty()), None);
+    }
 }

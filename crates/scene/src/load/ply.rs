@@ -162,7 +162,9 @@ fn read_faces(
     };
     // A triangle takes at least four bytes.
     faces.corners.reserve(3 * element.count.min(body.n_left() / 4));
-    for i in 0..element.count {
+    // Most files start, and end, here.
+    let n_plain = body.plain_triangles(element, n_vertices, &mut faces.corners);
+    for i in n_plain..element.count {
         for (place, property) in element.properties.iter().enumerate() {
             if place != wanted {
                 body.skip_property(property, element, i)?;

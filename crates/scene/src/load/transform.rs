@@ -104,3 +104,97 @@ pub(super) fn apply(map: &DAffine3, mesh: &mut Mesh) -> bool {
 pub(super) fn flip(mesh: &mut Mesh) {
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::shapes::cuboid;
+    use geometry::MaterialId;
+    use serde::Deserialize;
+    use toml::Spanned;
+
+    fn map(text: &str) -> DAffine3 {
+        #[derive(Deserialize)]
+        struct File {
+            t: Spanned<TransformTable>,
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.toml");
+        std::fs::write(&path, format!("t = {{ {text} }}")).unwrap();
+        let source = Source::read(&path).unwrap();
+        let file: File = toml::from_str(source.text()).unwrap();
+        affine(&source, "box `a`", &file.t).unwrap()
+    }
+
+    fn moved(text: &str, p: [f64; 3]) -> [f64; 3] {
+        map(text).transform_point3(DVec3::from_array(p)).to_array()
+    }
+
+    #[test]
+    fn scale_comes_first_then_rotations_then_translation() {
+        let p = [1.0, 2.0, 3.0];
+        assert_eq!(moved("", p), p);
+        assert_eq!(moved("scale = 2", p), [2.0, 4.0, 6.0]);
+        assert_eq!(moved("scale = [1, -1, 0.5], translate = [10, 0, 0]", p), [11.0, -2.0, 1.5]);
+        // Quarter turns are exact: about y, z becomes x.
+        assert_eq!(moved("rotate = { axis = [0, 7, 0], degrees = 90 }", p), [3.0, 2.0, -1.0]);
+        assert_eq!(moved("rotate = { axis = [0, 0, 1], degrees = -270 }", p), [-2.0, 1.0, 3.0]);
+        let both = "scale = [1, 1, 2], rotate = [{ axis = [0, 1, 0], degrees = 90 }, { axis = [1, 0, 0], degrees = 180 }], translate = [0, 0, 1]";
+        assert_eq!(moved(both, p), [6.0, -2.0, 2.0]);
+        let matrix = "matrix = [[0, -1, 0, 5], [1, 0, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]]";
+        assert_eq!(moved(matrix, p), [3.0, 7.0, 10.0]);
+    }
+
+    #[test]
+    fn rotations_are_rotations() {
+        for degrees in [-400.0_f64, -30.0, 1.0, 45.0, 89.0, 137.5, 271.0] {
+            let m = map(&format!("rotate = {{ axis = [1, 2, -3], degrees = {degrees} }}")).matrix3;
+            let error = m * m.transpose() - DMat3::IDENTITY;
+            assert!(error.to_cols_array().iter().all(|e| e.abs() < 1e-14), "{error}");
+            assert!((m.determinant() - 1.0).abs() < 1e-14);
+            let axis = DVec3::new(1.0, 2.0, -3.0);
+            assert!((m * axis - axis).length() < 1e-14);
+            // The trace is 1 + 2 cos.
+            let trace = m.x_axis.x + m.y_axis.y + m.z_axis.z;
+            assert!((trace - 1.0 - 2.0 * degrees.to_radians().cos()).abs() < 1e-14, "{degrees}");
+        }
+    }
+
+    #[test]
+    fn mirrored_bodies_keep_their_outside() {
+        for text in [
+            "scale = [-1, 1, 1]",
+            "scale = [-2, -1, -0.5], rotate = { axis = [1, 1, 0], degrees = 20 }",
+            "scale = [1, 3, 2]",
+        ] {
+            let mut mesh = cuboid(Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), MaterialId(0));
+            // Normals of the sphere around the box: they point away from the middle.
+            let center = mesh.bounds().center();
+            mesh.normals = mesh.positions.iter().map(|p| (p - center).normalize()).collect();
+            assert!(apply(&map(text), &mut mesh));
+            let center = mesh.bounds().center();
+            for t in 0..12 {
+                let [a, b, c] = mesh.corners(t);
+                assert!((b - a).cross(c - a).dot(a - center) > 0.0, "{text}, triangle {t}");
+            }
+            for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
+                assert!(n.is_normalized() && n.dot(p - center) > 0.0, "{text}: {n} at {p}");
+            }
+        }
+    }
+
+    #[test]
+    fn normals_stay_perpendicular_under_uneven_scales() {
+        let mut mesh = Mesh {
+            positions: vec![Vec3::X, Vec3::Y, Vec3::Z],
+            normals: vec![Vec3::ONE.normalize(); 3],
+            triangles: vec![[0, 1, 2]],
+            materials: vec![MaterialId(0)],
+        };
+        assert!(apply(&map("scale = [1, 2, 4]"), &mut mesh));
+        let [a, b, c] = mesh.corners(0);
+        let normal = (b - a).cross(c - a).normalize();
+        assert!((mesh.normals[0] - normal).length() < 1e-6);
+        assert!(!apply(&map("scale = 1e9"), &mut mesh));
+    }
+}

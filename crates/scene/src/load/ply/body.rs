@@ -153,6 +153,37 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
+    /// Reads faces for as long as they are what most files hold: three valid indices of four bytes each, and nothing
+    /// else. Returns how many those were.
+    pub(super) fn plain_triangles(
+        &mut self,
+        element: &Element,
+        n_vertices: usize,
+        corners: &mut Vec<u32>,
+    ) -> usize {
+        let [Property { length: Some(Kind::U8), kind: Kind::I32 | Kind::U32, .. }] =
+            element.properties.as_slice()
+        else {
+            return 0;
+        };
+        if self.format != Format::LittleEndian {
+            return 0;
+        }
+        let mut n = 0;
+        for face in self.bytes[self.at..].as_chunks::<13>().0.iter().take(element.count) {
+            let index =
+                |at| u32::from_le_bytes([face[at], face[at + 1], face[at + 2], face[at + 3]]);
+            let indices = [index(1), index(5), index(9)];
+            if face[0] != 3 || indices.iter().any(|&i| i as usize >= n_vertices) {
+                break;
+            }
+            corners.extend(indices);
+            n += 1;
+        }
+        self.at += 13 * n;
+        n
+    }
+
     pub(super) fn skip(&mut self, element: &Element, index: usize) -> Result<(), Error> {
         element.properties.iter().try_for_each(|p| self.skip_property(p, element, index))
     }
