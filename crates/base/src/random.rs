@@ -28,6 +28,10 @@ pub enum Stream {
     Subpixel = 7,
     /// Tests.
     Test = 8,
+    /// Pixels held out to measure an error.
+    HoldOut = 9,
+    /// Rays that verify interpolated visibility.
+    Probe = 10,
 }
 
 /// Mixes two 64-bit values into one, by two rounds of the finalizer of `SplitMix64` (Steele et al. 2014).

@@ -45,10 +45,17 @@ impl Saved {
     /// Opens a file that [`CacheMap::save`] wrote, if it was made from the same inputs.
     ///
     /// # Errors
-    /// When the file can't be read, is something else, damaged, or made from other inputs: it then names them.
-    pub fn open(path: &Path, inputs: &Inventory) -> Result<Self, Error> {
+    /// When the file can't be read, is something else, damaged, or made from other inputs: it then names them, and
+    /// `remedy`, the command that makes a file of those asked for. The command that made the file would make the same again.
+    pub fn open(path: &Path, inputs: &Inventory, remedy: &str) -> Result<Self, Error> {
         let (file, metadata) = MapFile::open::<Metadata>(path, KIND, VERSION)?;
-        file.check_inputs(&metadata.inventory, inputs)?;
+        if metadata.inventory != *inputs {
+            return Err(Error::Stale {
+                path: path.into(),
+                changes: metadata.inventory.changes(inputs),
+                remedy: remedy.into(),
+            });
+        }
         let entries = file.array::<Entry>("entries")?;
         let Metadata { size, .. } = metadata;
         let is_sound = |e: &Entry| {
@@ -75,8 +82,8 @@ impl Saved {
 impl CacheMap {
     /// Takes over what a file holds.
     ///
-    /// At the same resolution samples stay samples, and what was traced is known, should it be needed again: thresholds
-    /// can change without any pixel being computed twice, and the picture is that of a run without the file. At another
+    /// At the same resolution all values are known, should they be needed again: thresholds, region and fraction can
+    /// change without any pixel being computed twice, and the picture is that of a run without the file. At another
     /// resolution complete samples become candidates at the pixels where they fall.
     pub fn adopt(&mut self, saved: &Saved) {
         let size = self.size();
@@ -84,13 +91,9 @@ impl CacheMap {
             for entry in saved.entries.iter() {
                 let pixel = Pixel { x: entry.x, y: entry.y };
                 for (i, component) in Component::ALL.into_iter().enumerate() {
-                    let origin = match entry.origins >> (2 * i) & 3 {
-                        1 => Origin::Sampled,
-                        2 => Origin::Known,
-                        _ => continue,
-                    };
-                    if self.surfaces()[pixel].is_some() {
-                        self.set(component, pixel, Some(entry.radiance[i]), origin);
+                    let is_computed = entry.origins >> (2 * i) & 3 != 0;
+                    if is_computed && self.surfaces()[pixel].is_some() {
+                        self.set(component, pixel, Some(entry.radiance[i]), Origin::Known);
                     }
                 }
             }
@@ -224,17 +227,19 @@ mod tests {
         first.save(&path, Existing::Refuse, &inputs(1), "test", "test {file}").unwrap();
 
         let mut same = map(size);
-        same.adopt(&Saved::open(&path, &inputs(1)).unwrap());
+        same.adopt(&Saved::open(&path, &inputs(1), "x").unwrap());
         for component in Component::ALL {
             assert_eq!(same.values(component), first.values(component));
+            assert_eq!(same.origins(component)[chosen[0]], Origin::Known);
             assert!(same.missing(component, &chosen).is_empty());
+            assert_eq!(same.origins(component)[chosen[0]], Origin::Sampled);
         }
         assert_eq!(same.origins(Component::Direct)[traced], Origin::Known);
 
         // At twice the size every second cell is served.
         let double = ImageSize { width: 80, height: 60 };
         let mut larger = map(double);
-        larger.adopt(&Saved::open(&path, &inputs(1)).unwrap());
+        larger.adopt(&Saved::open(&path, &inputs(1), "x").unwrap());
         let chosen_larger = crate::choose_pixels(double, 1.0 / 16.0, 0);
         let unserved = larger.unserved(&chosen_larger, 1.0 / 16.0);
         assert!(
@@ -243,7 +248,10 @@ mod tests {
         );
         assert_eq!(larger.borrowed.len(), chosen.len());
 
-        let refused = Saved::open(&path, &inputs(2)).unwrap_err().to_string();
-        assert!(refused.contains("camera changed"), "{refused}");
+        let refused = Saved::open(&path, &inputs(2), "do this").unwrap_err().to_string();
+        assert!(
+            refused.ends_with("is stale: camera changed; make it anew with: do this"),
+            "{refused}"
+        );
     }
 }

@@ -69,8 +69,12 @@ impl Lattice {
                 let mut mask = 0;
                 for (line, (dx, dy)) in lines(rank).into_iter().enumerate() {
                     for (bit, steps) in [-1_i64, 1, -3, 3].into_iter().enumerate() {
-                        let (nx, ny) = (i64::from(x) + dx * steps * i64::from(h), i64::from(y) + dy * steps * i64::from(h));
-                        let inside = (0..i64::from(size.width)).contains(&nx) && (0..i64::from(size.height)).contains(&ny);
+                        let (nx, ny) = (
+                            i64::from(x) + dx * steps * i64::from(h),
+                            i64::from(y) + dy * steps * i64::from(h),
+                        );
+                        let inside = (0..i64::from(size.width)).contains(&nx)
+                            && (0..i64::from(size.height)).contains(&ny);
                         if inside
                             && let Some(other) = &values[ny as usize * width + nx as usize]
                             && same_surface(site, other)

@@ -81,12 +81,18 @@ impl CacheMap {
         self.values
     }
 
-    /// The pixels among these that have a surface and no value of the component yet.
-    pub fn missing(&self, component: Component, pixels: &[Pixel]) -> Vec<Pixel> {
-        let lacks = |p: &&Pixel| {
-            self.surfaces[**p].is_some() && self.origins[component][**p] == Origin::None
-        };
-        pixels.iter().filter(lacks).copied().collect()
+    /// The pixels among these that have a surface and no value of the component yet, to be recorded as samples. Values
+    /// known from a saved map are put in place instead of being sampled again.
+    pub fn missing(&mut self, component: Component, pixels: &[Pixel]) -> Vec<Pixel> {
+        let mut missing = Vec::new();
+        for &pixel in pixels.iter().filter(|&&p| self.surfaces[p].is_some()) {
+            match self.origins[component][pixel] {
+                Origin::None => missing.push(pixel),
+                Origin::Known => self.origins[component][pixel] = Origin::Sampled,
+                Origin::Sampled | Origin::Traced | Origin::Interpolated => {}
+            }
+        }
+        missing
     }
 
     /// Takes the computed radiance of a component at some pixels.

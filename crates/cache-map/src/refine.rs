@@ -81,7 +81,11 @@ pub struct Layer<T> {
 impl<T: Value> Layer<T> {
     /// A layer of zeros.
     pub fn new(n_pixels: usize) -> Self {
-        Self { values: vec![T::default(); n_pixels], reasons: vec![Reason::default(); n_pixels], levels: vec![0; n_pixels] }
+        Self {
+            values: vec![T::default(); n_pixels],
+            reasons: vec![Reason::default(); n_pixels],
+            levels: vec![0; n_pixels],
+        }
     }
 
     /// Whether the value was computed at this very pixel.
@@ -128,17 +132,18 @@ pub fn refine<T: Value, E>(
     trace: &mut dyn FnMut(&[Pixel]) -> Result<Vec<T>, E>,
 ) -> Result<(), E> {
     let size = lattice.size();
-    let mut settle = |layer: &mut Layer<T>, traced: Vec<(Pixel, Reason)>, h: u32| -> Result<(), E> {
-        let pixels: Vec<Pixel> = traced.iter().map(|t| t.0).collect();
-        let values = trace(&pixels)?;
-        for ((pixel, reason), value) in traced.into_iter().zip(values) {
-            let i = size.index(pixel);
-            layer.values[i] = value;
-            layer.reasons[i] = reason;
-            layer.levels[i] = h.trailing_zeros() as u8;
-        }
-        Ok(())
-    };
+    let mut settle =
+        |layer: &mut Layer<T>, traced: Vec<(Pixel, Reason)>, h: u32| -> Result<(), E> {
+            let pixels: Vec<Pixel> = traced.iter().map(|t| t.0).collect();
+            let values = trace(&pixels)?;
+            for ((pixel, reason), value) in traced.into_iter().zip(values) {
+                let i = size.index(pixel);
+                layer.values[i] = value;
+                layer.reasons[i] = reason;
+                layer.levels[i] = h.trailing_zeros() as u8;
+            }
+            Ok(())
+        };
 
     // The coarsest lattice is traced, but for pixels where the value doesn't matter.
     let mut coarse = Vec::new();
@@ -176,7 +181,10 @@ pub fn refine<T: Value, E>(
                         if lattice.has_site(i) && !this.is_traced(i) {
                             let gain = rule.gain(i);
                             if gain > 0.0 {
-                                decided.push((pixel, decide(lattice, this, i, (h, wanted), gain, rule, tolerance)));
+                                decided.push((
+                                    pixel,
+                                    decide(lattice, this, i, (h, wanted), gain, rule, tolerance),
+                                ));
                             }
                         }
                     }
@@ -224,7 +232,9 @@ fn decide<T: Value>(
         if mask & NEAR != NEAR {
             continue;
         }
-        let at = |steps: i64| layer.values[(i as i64 + steps * i64::from(h) * (dx + dy * width)) as usize];
+        let at = |steps: i64| {
+            layer.values[(i as i64 + steps * i64::from(h) * (dx + dy * width)) as usize]
+        };
         let (a, b) = (at(-1), at(1));
         let linear = (a + b) * 0.5;
         let cubic = match (mask & FAR_BEFORE != 0, mask & FAR_AFTER != 0) {

@@ -15,7 +15,11 @@ pub fn choose_pixels(size: ImageSize, fraction: f64, seed: u64) -> Vec<Pixel> {
     let side = 1.0 / fraction.sqrt();
     let edges = |extent: u32| -> Vec<u32> {
         let n = (f64::from(extent) / side - 1e-9).ceil().max(1.0) as u32;
-        (0..=n).map(|i| ((f64::from(i) * side + 1e-9) as u32).min(extent)).collect()
+        let mut edges: Vec<_> =
+            (0..=n).map(|i| ((f64::from(i) * side + 1e-9) as u32).min(extent)).collect();
+        // No cell is empty, however the sums above are rounded.
+        edges.dedup();
+        edges
     };
     let (columns, rows) = (edges(size.width), edges(size.height));
     let mut pixels = Vec::new();

@@ -61,6 +61,13 @@ pub fn flip(a: &Grid<Rgb>, b: &Grid<Rgb>, exposure_ev: f32) -> Result<Grid<f32>,
     Ok(Grid::from_values(size, map))
 }
 
+/// FLIP of two linear colors as seen over a large area, in [0, 1]: what [`flip`] gives where both pictures are constant.
+pub fn flip_of_colors(a: Rgb, b: Rgb, exposure_ev: f32) -> f32 {
+    let factor = exposure_factor(exposure_ev);
+    let [a, b] = [a, b].map(|c| hunt_lab(xyz(c.to_array().map(|v| clamp(v * factor)))));
+    color_difference(a, b, max_color_difference())
+}
+
 /// Whether the two pictures can be told apart by numbers at all.
 pub(crate) fn check_comparable(a: &Grid<Rgb>, b: &Grid<Rgb>) -> Result<(), Error> {
     if a.size() != b.size() {

@@ -34,7 +34,7 @@ mod write_png;
 pub use atomic_file::Existing;
 pub use difference::{Difference, FlipStats, compare};
 pub use error::Error;
-pub use flip::flip;
+pub use flip::{flip, flip_of_colors};
 pub use format::Format;
 pub use magma::flip_picture;
 pub use picture::Picture;

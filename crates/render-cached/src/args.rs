@@ -25,14 +25,17 @@ pub struct Args {
     #[arg(long, value_name = "MAPS.photons", required = true)]
     pub photons: Option<PathBuf>,
     /// Where the picture goes: .exr holds all layers, .png what a screen shows; may be given several times
-    #[arg(short, long, value_name = "IMAGE", required = true)]
+    #[arg(short, long, value_name = "IMAGE", required_unless_present = "save_cache")]
     pub output: Vec<PathBuf>,
     /// Width and height of the picture, in pixels
-    #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true, value_parser = parse_size)]
     pub resolution: ImageSize,
     /// Which pixels are computed
-    #[arg(long, value_enum, default_value_t = Mode::Paper)]
+    #[arg(long, value_enum, default_value_t = Mode::Adaptive)]
     pub mode: Mode,
+    /// Mean FLIP against mode original that mode adaptive aims at; 0 computes everything
+    #[arg(long, value_name = "E", default_value_t = 0.01, value_parser = parse_error)]
+    pub error: f32,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
@@ -57,6 +60,8 @@ pub enum Mode {
     Original,
     /// A few pixels, the rest interpolated where the paper's conditions allow it
     Paper,
+    /// Each component where it has structure, to one error target
+    Adaptive,
 }
 
 /// How components are computed; the same in every mode.
@@ -67,13 +72,13 @@ pub struct Shading {
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub shadow_rays: u32,
     /// Photons in an estimate of indirect light
-    #[arg(long, value_name = "K", default_value = "500", value_parser = parse_positive)]
+    #[arg(long, value_name = "K", default_value = "500", value_parser = parse_k)]
     pub gather: u64,
     /// Greatest radius of an estimate of indirect light, in units of the scene [default: 1/20 of its diagonal]
     #[arg(long, value_name = "R", value_parser = parse_length)]
     pub gather_radius: Option<f32>,
     /// Photons in an estimate of caustics
-    #[arg(long, value_name = "K", default_value = "100", value_parser = parse_positive)]
+    #[arg(long, value_name = "K", default_value = "100", value_parser = parse_k)]
     pub caustic_gather: u64,
     /// Greatest radius of an estimate of caustics, in units of the scene [default: 1/100 of its diagonal]
     #[arg(long, value_name = "R", value_parser = parse_length)]
@@ -105,7 +110,7 @@ pub struct Paper {
     /// Share of the pixels sampled at low resolution [default: one in each quarter of the region]
     #[arg(long, value_name = "SHARE", value_parser = parse_fraction)]
     pub fraction: Option<f64>,
-    /// Save all that was computed
+    /// Save the samples, and all else that the picture was interpolated from or that was traced
     #[arg(long, value_name = "FILE.cache")]
     pub save_cache: Option<PathBuf>,
     /// Start from what was saved, with other thresholds or at another resolution
@@ -154,7 +159,8 @@ fn parse_size(text: &str) -> Result<ImageSize, String> {
 }
 
 fn parse_number(text: &str, is_fine: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|&n| n.is_finite() && is_fine(n));
+    // Most are used in single precision.
+    let number = text.parse::<f64>().ok().filter(|&n| (n as f32).is_finite() && is_fine(n));
     number.ok_or_else(|| format!("expected {expected}"))
 }
 
@@ -171,14 +177,18 @@ fn parse_threshold(text: &str) -> Result<f32, String> {
     parse_number(text, |n| n >= 0.0, "a number from 0 up").map(|n| n as f32)
 }
 
+fn parse_error(text: &str) -> Result<f32, String> {
+    parse_number(text, |n| (0.0..=1.0).contains(&n), "a FLIP value from 0 to 1").map(|n| n as f32)
+}
+
 fn parse_fraction(text: &str) -> Result<f64, String> {
     parse_number(text, |n| n >= 1e-6 && n <= 1.0, "a share from 0.000001 to 1")
 }
 
-fn parse_positive(text: &str) -> Result<u64, String> {
+fn parse_k(text: &str) -> Result<u64, String> {
     match parse_count(text)? {
-        n @ 1..=1_000_000 => Ok(n),
-        _ => Err("expected a count from 1 to 1M".into()),
+        n @ 2..=1_000_000 => Ok(n),
+        _ => Err("expected a count from 2 to 1M; the farthest photon only tells the radius".into()),
     }
 }
 

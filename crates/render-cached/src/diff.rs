@@ -2,7 +2,10 @@
 
 use std::io::{self, ErrorKind, Write};
 
+use anyhow::bail;
 use atomic_file::Existing;
+use cli::WrongUsage;
+use film::Format;
 
 use crate::args::Diff;
 
@@ -13,7 +16,13 @@ use crate::args::Diff;
 pub(crate) fn diff(args: &Diff) -> anyhow::Result<()> {
     let existing = if args.force { Existing::Replace } else { Existing::Refuse };
     if let Some(path) = &args.output {
-        atomic_file::check(path, existing)?;
+        if Format::of(path).ok() != Some(Format::Png) {
+            bail!(WrongUsage(format!(
+                "the picture of a difference is a PNG; end {} in .png",
+                path.display()
+            )));
+        }
+        cli::check_outputs(&[path], &[&args.a, &args.b], existing)?;
     }
     let a = film::read_rgb(&args.a, &args.layer)?;
     let b = film::read_rgb(&args.b, &args.layer)?;

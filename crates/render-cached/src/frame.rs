@@ -6,7 +6,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 use shade::{Counts, PixelStream, Shader, ShadingPoint, Work};
 
-/// Pixels that one task shades. Fixed, since the counts of work depend on it.
+/// Items that one task takes. Fixed, since the counts of work depend on it.
 const CHUNK: usize = 512;
 
 /// The side of the squares in which pixels are visited, so that neighbours in work are neighbours in space.
@@ -27,7 +27,7 @@ impl<'a> Frame<'a> {
         watch: Watch<'_>,
     ) -> Result<(Self, Counts), Interrupted> {
         let pixels = pixels_by_tiles(size);
-        let (surfaces, counts) = for_pixels(&pixels, watch, |pixel, work| {
+        let (surfaces, counts) = for_each(&pixels, watch, |&pixel, work| {
             shader.eye_point(&eye_ray(&shader, size, pixel), work).map(|point| point.surface)
         })?;
         let mut grid = Grid::from_fn(size, |_| None);
@@ -56,6 +56,27 @@ impl<'a> Frame<'a> {
         pixels
     }
 
+    /// `f` of the surface points of some pixels, in parallel; the default where there is none.
+    pub(crate) fn evaluate<T: Default + Send>(
+        &self,
+        pixels: &[Pixel],
+        watch: Watch<'_>,
+        f: impl Fn(&ShadingPoint<'a>, PixelStream, &mut Work) -> T + Sync,
+    ) -> Result<(Vec<T>, Counts), Interrupted> {
+        for_each(pixels, watch, |&pixel, work| self.at(pixel, work, &f))
+    }
+
+    /// `f` of the surface point of a pixel; the default where there is none.
+    pub(crate) fn at<T: Default>(
+        &self,
+        pixel: Pixel,
+        work: &mut Work,
+        f: impl Fn(&ShadingPoint<'a>, PixelStream, &mut Work) -> T,
+    ) -> T {
+        let stream = PixelStream(self.size().index(pixel) as u64);
+        self.point(pixel).map_or_else(T::default, |point| f(&point, stream, work))
+    }
+
     /// Radiance of one component at some pixels.
     pub(crate) fn shade(
         &self,
@@ -63,15 +84,11 @@ impl<'a> Frame<'a> {
         pixels: &[Pixel],
         watch: Watch<'_>,
     ) -> Result<(Vec<Rgb>, Counts), Interrupted> {
-        for_pixels(pixels, watch, |pixel, work| {
-            let Some(point) = self.point(pixel) else { return Rgb::BLACK };
-            let stream = PixelStream(self.size().index(pixel) as u64);
-            match component {
-                Component::Direct => self.shader.direct(&point, stream, work),
-                Component::Indirect => self.shader.indirect(&point, work),
-                Component::Specular => self.shader.specular(&point, stream, work),
-                Component::Caustic => self.shader.caustic(&point, work),
-            }
+        self.evaluate(pixels, watch, |point, stream, work| match component {
+            Component::Direct => self.shader.direct(point, stream, work),
+            Component::Indirect => self.shader.indirect(point, work),
+            Component::Specular => self.shader.specular(point, stream, work),
+            Component::Caustic => self.shader.caustic(point, work),
         })
     }
 }
@@ -92,21 +109,21 @@ fn pixels_by_tiles(size: ImageSize) -> Vec<Pixel> {
     pixels
 }
 
-/// `f` of each pixel, in parallel, and the work that was done.
-fn for_pixels<T: Send>(
-    pixels: &[Pixel],
+/// `f` of each item, in parallel, and the work that was done.
+pub(crate) fn for_each<I: Sync, T: Send>(
+    items: &[I],
     watch: Watch<'_>,
-    f: impl Fn(Pixel, &mut Work) -> T + Sync,
+    f: impl Fn(&I, &mut Work) -> T + Sync,
 ) -> Result<(Vec<T>, Counts), Interrupted> {
-    let chunks: Option<Vec<(Vec<T>, Counts)>> = pixels
+    let chunks: Option<Vec<(Vec<T>, Counts)>> = items
         .par_chunks(CHUNK)
-        .map(|pixels| {
+        .map(|items| {
             let mut work = Work::default();
-            let values = pixels.iter().map(|&p| f(p, &mut work)).collect();
-            watch(pixels.len() as u64).then_some((values, work.counts))
+            let values = items.iter().map(|item| f(item, &mut work)).collect();
+            watch(items.len() as u64).then_some((values, work.counts))
         })
         .collect();
-    let mut all = Vec::with_capacity(pixels.len());
+    let mut all = Vec::with_capacity(items.len());
     let mut counts = Counts::default();
     for (values, c) in chunks.ok_or(Interrupted)? {
         all.extend(values);

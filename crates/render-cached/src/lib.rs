@@ -1,5 +1,6 @@
 //! The program of pass 2: traces eye rays, computes the four components, all of them or a few, and writes pictures.
 
+mod adaptive;
 mod args;
 mod diff;
 mod frame;

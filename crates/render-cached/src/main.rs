@@ -2,8 +2,6 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    cli::finish("render-cached", render_cached::run(&render_cached::Args::parse()))
+    cli::run("render-cached", render_cached::run)
 }

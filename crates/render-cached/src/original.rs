@@ -29,5 +29,6 @@ pub(crate) fn render(
             if frame.point(p).is_some() { Origin::Traced } else { Origin::None }
         })
     });
-    Ok(Rendered { values, origins, counts, seconds, cache: Seconds::default() })
+    let traced = Components::from_fn(|_| pixels.len() as u64);
+    Ok(Rendered { values, origins, traced, counts, seconds, cache: Seconds::default(), adaptive: None })
 }

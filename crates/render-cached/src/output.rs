@@ -1,5 +1,7 @@
 //! Layers, and the files they go to.
 
+use std::path::Path;
+
 use base::{Component, Grid, Inventory, Pixel, Rgb};
 use cache_map::Origin;
 use film::{Format, Picture};
@@ -18,8 +20,17 @@ fn layer(component: Component) -> &'static str {
     }
 }
 
-/// The command that makes the picture anew: only what decides its contents.
+/// The command that makes the picture anew, but for the name of the output: only what decides its contents.
 pub(crate) fn command(args: &Args) -> String {
+    command_line(args, args.paper.from_cache.as_deref(), None)
+}
+
+/// The command that makes the cache map anew, with its name or `{file}` in its place. It starts from no other.
+pub(crate) fn cache_command(args: &Args, cache: &Path) -> String {
+    command_line(args, None, Some(cache))
+}
+
+fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path>) -> String {
     let (shading, paper) = (&args.shading, &args.paper);
     let mut words: Vec<String> = vec!["render-cached".into()];
     words.extend(args.scene.iter().map(|p| p.to_string_lossy().into_owned()));
@@ -40,6 +51,10 @@ pub(crate) fn command(args: &Args) -> String {
     length("--caustic-radius", shading.caustic_radius);
     match args.mode {
         Mode::Original => option("--mode", "original".into()),
+        Mode::Adaptive => {
+            option("--mode", "adaptive".into());
+            option("--error", args.error.to_string());
+        }
         Mode::Paper => {
             length("--r0", paper.r0);
             option("--mode", "paper".into());
@@ -50,9 +65,11 @@ pub(crate) fn command(args: &Args) -> String {
             if let Some(fraction) = paper.fraction {
                 option("--fraction", fraction.to_string());
             }
-            if let Some(path) = &paper.from_cache {
-                option("--from-cache", path.to_string_lossy().into_owned());
-            }
+            let mut file = |name: &str, path: Option<&Path>| {
+                path.into_iter().for_each(|p| option(name, p.to_string_lossy().into_owned()))
+            };
+            file("--from-cache", from_cache);
+            file("--save-cache", save_cache);
         }
     }
     words.push("--force".into());
@@ -60,6 +77,9 @@ pub(crate) fn command(args: &Args) -> String {
 }
 
 /// All layers. The picture itself is the sum emission + direct + indirect + specular + caustics, in that order.
+///
+/// The layers tell of the picture, not of the run: what was loaded from a cache map had been computed at its pixel, so
+/// its `traced` is 1. What this run has computed is told by `--stats`.
 pub(crate) fn picture(
     args: &Args,
     frame: &Frame<'_>,

@@ -1,13 +1,15 @@
 //! `--mode paper`: low-resolution samples, the cache map, interpolation, and tracing where no candidate fits.
 
+use std::path::Path;
+
 use base::{Component, Components, Grid, Inventory, Pixel};
 use cache_map::{CacheMap, Origin, Saved, SurfacePoint, Thresholds, choose_pixels};
 use cli::{Clock, Seconds};
 use shade::Counts;
 
-use crate::Args;
 use crate::frame::Frame;
-use crate::render::{Progress, Rendered};
+use crate::render::{Progress, Rendered, interrupted};
+use crate::{Args, output};
 
 /// What the options mean for a scene of the given diagonal.
 pub(crate) fn thresholds(args: &Args, diagonal: f32) -> Thresholds {
@@ -37,6 +39,7 @@ pub(crate) fn render(
 ) -> anyhow::Result<Rendered> {
     let mut counts = Counts::default();
     let mut seconds = Components::<Seconds>::default();
+    let mut traced = Components::<u64>::default();
 
     let mut map = CacheMap::new(Grid::from_fn(frame.size(), |pixel| {
         let facing = frame.point(pixel)?.facing;
@@ -46,7 +49,7 @@ pub(crate) fn render(
         })
     }));
     if let Some(path) = &args.paper.from_cache {
-        map.adopt(&Saved::open(path, inputs)?);
+        map.adopt(&Saved::open(path, inputs, &output::cache_command(args, path))?);
     }
     let samples =
         map.unserved(&choose_pixels(frame.size(), fraction(args), args.seed), fraction(args));
@@ -58,9 +61,11 @@ pub(crate) fn render(
                      origin|
      -> anyhow::Result<()> {
         let what = if origin == Origin::Sampled { "samples" } else { component.name() };
-        let (radiance, c) =
-            progress.run(what, pixels.len(), |watch| frame.shade(component, pixels, watch))?;
+        let (radiance, c) = progress
+            .run(what, pixels.len(), |watch| frame.shade(component, pixels, watch))
+            .map_err(interrupted)?;
         map.record(component, pixels, &radiance, origin);
+        traced[component] += pixels.len() as u64;
         counts += c;
         Ok(())
     };
@@ -79,11 +84,10 @@ pub(crate) fn render(
     }
     if let Some(path) = &args.paper.save_cache {
         let made_by = concat!("render-cached ", env!("CARGO_PKG_VERSION"));
-        let command =
-            crate::output::command(args).replacen(" --force", " --save-cache {file} --force", 1);
+        let command = output::cache_command(args, Path::new("{file}"));
         map.save(path, args.common.existing(), inputs, made_by, &command)?;
         cache += clock.lap();
     }
     let origins = Components::from_fn(|component| map.origins(component).clone());
-    Ok(Rendered { values: map.into_values(), origins, counts, seconds, cache })
+    Ok(Rendered { values: map.into_values(), origins, traced, counts, seconds, cache, adaptive: None })
 }

@@ -1,16 +1,22 @@
 //! From a scene and its photons to pictures.
 
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context, bail};
-use base::{Components, Fingerprint, FingerprintBuilder, Grid, Interrupted, Inventory, Rgb, Watch};
-use cache_map::Origin;
+use base::{
+    Components, Fingerprint, FingerprintBuilder, Grid, ImageSize, Interrupted, Inventory, Rgb,
+    Watch,
+};
+use cache_map::{Origin, Reason};
 use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
 use film::Format;
 use photon_map::{Gather, PhotonMaps};
 use scene::Scene;
 use shade::{Counts, Settings, Shader};
 
+use crate::adaptive::{self, ErrorReport};
 use crate::frame::Frame;
 use crate::{Args, Mode, original, output, paper, stats};
 
@@ -19,10 +25,22 @@ use crate::{Args, Mode, original, output, paper, stats};
 pub(crate) struct Rendered {
     pub(crate) values: Components<Grid<Rgb>>,
     pub(crate) origins: Components<Grid<Origin>>,
+    /// Pixels that this run has computed; what was loaded doesn't count.
+    pub(crate) traced: Components<u64>,
     pub(crate) counts: Counts,
     pub(crate) seconds: Components<Seconds>,
     /// Time for choosing and interpolating.
     pub(crate) cache: Seconds,
+    /// What only `--mode adaptive` knows.
+    pub(crate) adaptive: Option<AdaptiveLayers>,
+}
+
+/// The history of each pixel in `--mode adaptive`.
+#[derive(Debug)]
+pub(crate) struct AdaptiveLayers {
+    pub(crate) reasons: Components<Vec<Reason>>,
+    pub(crate) levels: Components<Vec<u8>>,
+    pub(crate) error: ErrorReport,
 }
 
 /// Shows how work goes on, and stops it on request.
@@ -73,16 +91,33 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
             bail!(WrongUsage(error.to_string()));
         }
     }
-    let mut outputs: Vec<_> =
-        args.output.iter().chain(&args.common.stats).chain(&args.paper.save_cache).collect();
-    for path in &outputs {
-        atomic_file::check(path, args.common.existing())?;
-    }
-    outputs.sort_unstable();
-    if let Some(twice) = outputs.windows(2).find(|w| w[0] == w[1]) {
-        bail!(WrongUsage(format!("{} is named as an output twice", twice[0].display())));
-    }
+    let outputs = args.output.iter().chain(&args.common.stats).chain(&args.paper.save_cache);
+    // A cache map may be saved in place of the one it starts from: nothing of that is needed later.
+    let inputs = args.scene.iter().chain(&args.photons);
+    let paths: fn(&PathBuf) -> &Path = PathBuf::as_path;
+    cli::check_outputs(
+        &outputs.map(paths).collect::<Vec<_>>(),
+        &inputs.map(paths).collect::<Vec<_>>(),
+        args.common.existing(),
+    )?;
+    check_memory(args.resolution)?;
     args.common.thread_pool()
+}
+
+/// Refuses a picture that can't be held, as far as the system tells: it may lend more memory than it has.
+fn check_memory(size: ImageSize) -> anyhow::Result<()> {
+    /// Surfaces, components and layers take about so much, as `peak_rss_bytes` of `--stats` shows.
+    const BYTES_PER_PIXEL: usize = 380;
+    let bytes = size.n_pixels().saturating_mul(BYTES_PER_PIXEL);
+    if Vec::<u8>::new().try_reserve_exact(bytes).is_err() {
+        let ImageSize { width, height } = size;
+        bail!(
+            "a picture of {width}x{height} pixels needs {} GB of memory, which the system refuses; \
+             ask for fewer with --resolution",
+            bytes.div_ceil(1_000_000_000)
+        );
+    }
+    Ok(())
 }
 
 fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
@@ -96,11 +131,18 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     let loaded = scene::load(scene_path)?;
     loaded.warnings.iter().for_each(|w| console.warn(w));
     let scene = loaded.scene;
+    if !photons_path.exists() {
+        let words =
+            ["photon-build".as_ref(), scene_path.as_os_str(), "-o".as_ref(), photons_path.as_ref()];
+        let command = cli::command_line(words.map(OsString::from));
+        bail!("there is no {}; make it with: {command}", photons_path.display());
+    }
     let (photons, file) = PhotonMaps::open(photons_path)?;
     file.check_inputs(&photons.metadata.inventory, scene.inventory())?;
     let settings = settings(args, scene.bounds().diagonal());
     let inputs = inputs(&scene, &photons, &settings);
     let load = clock.lap();
+    interrupt.check().map_err(interrupted)?;
 
     let shader = Shader::new(&scene, &photons, settings);
     let traced = progress.run("eye rays", args.resolution.n_pixels(), |watch| {
@@ -110,7 +152,8 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     let primary = clock.lap();
 
     let mut rendered = match args.mode {
-        Mode::Original => original::render(&frame, &mut clock, &progress).map_err(interrupted)?,
+        Mode::Adaptive if args.error > 0.0 => adaptive::render(args, &frame, &mut clock, &progress)?,
+        Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress).map_err(interrupted)?,
         Mode::Paper => {
             let thresholds = paper::thresholds(args, scene.bounds().diagonal());
             paper::render(args, &frame, &inputs, &thresholds, &mut clock, &progress)?
@@ -124,6 +167,7 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
         ));
     }
 
+    interrupt.check().map_err(interrupted)?;
     let picture = output::picture(args, &frame, &rendered, &inputs);
     output::write(args, &picture)?;
     let write = clock.lap();
@@ -137,7 +181,7 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn interrupted(error: Interrupted) -> anyhow::Error {
+pub(crate) fn interrupted(error: Interrupted) -> anyhow::Error {
     Err::<(), _>(error).context("no picture was written").unwrap_err()
 }
 

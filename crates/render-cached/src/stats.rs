@@ -6,6 +6,7 @@ use cli::{Console, Seconds};
 use photon_map::PhotonMaps;
 use serde::Serialize;
 
+use crate::adaptive::ErrorReport;
 use crate::frame::Frame;
 use crate::render::Rendered;
 use crate::{Args, Mode};
@@ -32,11 +33,13 @@ pub(crate) struct Stats {
     photons_fingerprint: String,
     seconds: StageSeconds,
     cpu_seconds: StageSeconds,
+    /// Pixels that this run has computed. What was loaded from a cache map is neither here nor among the interpolated.
     traced: Components<u64>,
     interpolated: Components<u64>,
     rays: Rays,
     photons_visited: u64,
     chains_cut: u64,
+    error: Option<ErrorReport>,
     peak_rss_bytes: u64,
 }
 
@@ -69,12 +72,10 @@ impl Stats {
         photons: &PhotonMaps,
         stages: &Stages,
     ) -> Self {
-        let count = |wanted: &[Origin]| {
-            Components::from_fn(|component| {
-                let origins = rendered.origins[component].values();
-                origins.iter().filter(|o| wanted.contains(o)).count() as u64
-            })
-        };
+        let interpolated = Components::from_fn(|component| {
+            let origins = rendered.origins[component].values();
+            origins.iter().filter(|&&o| o == Origin::Interpolated).count() as u64
+        });
         let seconds = |f: fn(&Seconds) -> f64| StageSeconds {
             load: f(&stages.load),
             primary: f(&stages.primary),
@@ -94,6 +95,7 @@ impl Stats {
             mode: match args.mode {
                 Mode::Original => "original",
                 Mode::Paper => "paper",
+                Mode::Adaptive => "adaptive",
             },
             resolution: [frame.size().width, frame.size().height],
             supersample: 1,
@@ -102,8 +104,8 @@ impl Stats {
             photons_fingerprint: photons.fingerprint().to_string(),
             seconds: seconds(|s| s.wall),
             cpu_seconds: seconds(|s| s.cpu),
-            traced: count(&[Origin::Sampled, Origin::Traced]),
-            interpolated: count(&[Origin::Interpolated]),
+            traced: rendered.traced,
+            interpolated,
             rays: Rays {
                 eye: counts.eye_rays,
                 specular: counts.specular_rays,
@@ -112,6 +114,7 @@ impl Stats {
             },
             photons_visited: counts.photons_visited,
             chains_cut: counts.chains_cut,
+            error: rendered.adaptive.as_ref().map(|a| a.error),
             peak_rss_bytes: cli::peak_rss_bytes(),
         }
     }

@@ -121,9 +121,14 @@ impl AreaLight {
         Emission { origin, dir }
     }
 
+    /// Whether there are few enough pieces for their irradiance to be summed in closed form.
+    pub(crate) fn has_closed_form(&self) -> bool {
+        self.pieces.len() <= MAX_CLOSED_FORM_PIECES
+    }
+
     /// Unshadowed irradiance, if there are few enough pieces for a sum in closed form.
     pub(crate) fn irradiance(&self, point: Vec3A, normal: Vec3A) -> Option<Rgb> {
-        if self.pieces.len() > MAX_CLOSED_FORM_PIECES {
+        if !self.has_closed_form() {
             return None;
         }
         let mut sum = 0.0;

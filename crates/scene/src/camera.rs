@@ -75,6 +75,11 @@ impl Camera {
         Some((p + Vec2::ONE) * 0.5 * Vec2::new(size.width as f32, size.height as f32))
     }
 
+    /// The side of a pixel at distance 1 along the view axis.
+    pub fn pixel_extent(&self, size: ImageSize) -> f32 {
+        2.0 * self.half_extent(size).x / size.width as f32
+    }
+
     /// The distance of a point along the view axis.
     pub fn depth(&self, point: Vec3A) -> f32 {
         (point - self.origin).dot(self.forward)

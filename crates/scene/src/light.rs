@@ -177,6 +177,14 @@ impl Light {
         }
     }
 
+    /// Whether [`Light::unshadowed_irradiance`] has a closed form.
+    pub fn has_closed_form(&self) -> bool {
+        match &self.kind {
+            LightKind::Area(light) => light.has_closed_form(),
+            _ => true,
+        }
+    }
+
     /// Whether all shadow rays from a point go the same way, so that one tells everything.
     pub fn is_delta(&self) -> bool {
         !matches!(self.kind, LightKind::Area(_) | LightKind::Environment { .. })

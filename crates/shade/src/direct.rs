@@ -91,7 +91,8 @@ impl Shader<'_> {
                 if distance == 0.0 {
                     return true;
                 }
-                Ray::new(origin, to_target / distance, distance)
+                // Stops short of the light, whose own surface casts no shadow on what it lights.
+                Ray::new(origin, to_target / distance, distance * (1.0 - 2.0_f32.powi(-16)))
             }
         };
         // Below the true surface there is only its inside.
@@ -100,6 +101,16 @@ impl Shader<'_> {
         }
         work.counts.shadow_rays += 1;
         !self.scene.accel.occluded(&ray)
+    }
+
+    /// Whether one ray to a light gets through; nothing if the light sends nothing along it. Of the points on the light
+    /// that [`Shader::visibility`] uses this takes number `which`, moved by the random bits of `block`.
+    pub fn probe(&self, light: usize, surface: &Surface, which: u32, block: u64, work: &mut Work) -> Option<bool> {
+        let bits = hash_u64(PixelStream(block).part(light as u64).0, Stream::Probe as u64);
+        let point = self.shadow_points.get(which as usize % self.shadow_points.len())?;
+        let u = scramble(*point, bits);
+        let sample = self.scene.lights[light].sample(surface.position, surface.shading_normal, u)?;
+        Some(self.unoccluded(surface, sample.toward, work))
     }
 
     /// The light with a number.

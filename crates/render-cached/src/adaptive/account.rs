@@ -1,0 +1,100 @@
+//! Who did what, and how long it took.
+
+use base::{Component, Components, Grid, Interrupted, Pixel, Rgb};
+use cache_map::{Origin, Reason};
+use cli::{Clock, Seconds};
+use serde::Serialize;
+use shade::{Counts, PixelStream, ShadingPoint, Work};
+
+use crate::frame::{Frame, for_each};
+use crate::render::{AdaptiveLayers, Progress, Rendered};
+
+/// The error aimed at and reached.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct ErrorReport {
+    /// The mean FLIP asked for.
+    pub(crate) target: f64,
+    /// The mean FLIP estimated from the pixels held out.
+    pub(crate) measured_mean: f64,
+    /// The value that 99.5 % of them don't exceed.
+    pub(crate) measured_p995: f64,
+    /// How many there were.
+    pub(crate) held_out_pixels: u64,
+}
+
+/// Runs the work of components and books its time; all other time is the cache's own.
+pub(crate) struct Account<'x, 'a> {
+    pub(crate) frame: &'x Frame<'a>,
+    clock: &'x mut Clock,
+    progress: &'x Progress<'x>,
+    counts: Counts,
+    seconds: Components<Seconds>,
+    cache: Seconds,
+}
+
+impl<'x, 'a> Account<'x, 'a> {
+    pub(crate) fn new(frame: &'x Frame<'a>, clock: &'x mut Clock, progress: &'x Progress<'x>) -> Self {
+        let (seconds, cache) = (Components::default(), Seconds::default());
+        Self { frame, clock, progress, counts: Counts::default(), seconds, cache }
+    }
+
+    /// `f` of the surface points of some pixels, booked to a component.
+    pub(crate) fn pixels<T: Default + Send>(
+        &mut self,
+        component: Component,
+        pixels: &[Pixel],
+        f: impl Fn(&ShadingPoint<'a>, PixelStream, &mut Work) -> T + Sync,
+    ) -> Result<Vec<T>, Interrupted> {
+        let frame = self.frame;
+        self.items(component, pixels, |&pixel, work| frame.at(pixel, work, &f))
+    }
+
+    /// `f` of some items, booked to a component.
+    pub(crate) fn items<I: Sync, T: Send>(
+        &mut self,
+        component: Component,
+        items: &[I],
+        f: impl Fn(&I, &mut Work) -> T + Sync,
+    ) -> Result<Vec<T>, Interrupted> {
+        self.cache += self.clock.lap();
+        let (values, counts) =
+            self.progress.run(component.name(), items.len(), |watch| for_each(items, watch, f))?;
+        self.counts += counts;
+        self.seconds[component] += self.clock.lap();
+        Ok(values)
+    }
+
+    /// `f` of some items, booked to the cache.
+    pub(crate) fn overhead<I: Sync, T: Send>(
+        &mut self,
+        items: &[I],
+        f: impl Fn(&I, &mut Work) -> T + Sync,
+    ) -> Result<Vec<T>, Interrupted> {
+        let (values, counts) = self.progress.run("cache", items.len(), |watch| for_each(items, watch, f))?;
+        self.counts += counts;
+        Ok(values)
+    }
+
+    pub(crate) fn finish(
+        mut self,
+        values: Components<Grid<Rgb>>,
+        reasons: Components<Vec<Reason>>,
+        levels: Components<Vec<u8>>,
+        error: ErrorReport,
+    ) -> Rendered {
+        let size = self.frame.size();
+        let origins: Components<Grid<Origin>> = Components::from_fn(|component| {
+            Grid::from_fn(size, |pixel| match reasons[component][size.index(pixel)] {
+                _ if self.frame.point(pixel).is_none() => Origin::None,
+                Reason::Interpolated => Origin::Interpolated,
+                _ => Origin::Traced,
+            })
+        });
+        let traced = Components::from_fn(|component| {
+            origins[component].values().iter().filter(|&&o| o == Origin::Traced).count() as u64
+        });
+        self.cache += self.clock.lap();
+        let adaptive = Some(AdaptiveLayers { reasons, levels, error });
+        Rendered { values, origins, traced, counts: self.counts, seconds: self.seconds, cache: self.cache, adaptive }
+    }
+}

@@ -1,0 +1,234 @@
+//! Direct light: unshadowed irradiance in closed form, times cached visibility, verified by rays.
+
+use base::{Component, Interrupted, Pixel, Rgb};
+use cache_map::{Layer, Reason, Rule, Tolerance, refine};
+use scene::Light;
+
+use super::indirect::Indirect;
+use super::{Account, COARSEST, View};
+
+/// Lights whose visibility is cached each on its own. The others share a layer of irradiance.
+const MAX_SEPARATE: usize = 4;
+
+/// Direct irradiance at every pixel.
+#[derive(Debug)]
+pub(crate) struct Direct {
+    lights: Vec<CachedLight>,
+    /// Irradiance from all other lights together.
+    rest: Option<(Vec<usize>, Layer<Rgb>)>,
+    /// Luminance of the whole irradiance.
+    luminance: Vec<f32>,
+}
+
+/// A light with its visibility at every pixel.
+#[derive(Debug)]
+pub(crate) struct CachedLight {
+    pub(crate) light: usize,
+    /// Unshadowed irradiance.
+    unshadowed: Vec<Rgb>,
+    pub(crate) visibility: Layer<f32>,
+}
+
+impl Direct {
+    /// Computes the unshadowed irradiance of the strongest lights everywhere.
+    pub(crate) fn start(view: &View, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
+        let scene = account.frame.shader().scene;
+        let flux = |l: &usize| scene.lights[*l].flux(&scene.bounds()).mean();
+        let mut separate: Vec<usize> = (0..scene.lights.len()).filter(|&l| scene.lights[l].has_closed_form()).collect();
+        separate.sort_by(|a, b| flux(b).total_cmp(&flux(a)).then(a.cmp(b)));
+        separate.truncate(MAX_SEPARATE);
+        separate.sort_unstable();
+
+        let n = view.size().n_pixels();
+        let mut lights = Vec::new();
+        for &light in &separate {
+            let source: &Light = &scene.lights[light];
+            let unshadowed = account.items(Component::Direct, view.sites.values(), |site, _| {
+                let site = site.as_ref()?;
+                source.unshadowed_irradiance(site.position.into(), site.normal.into())
+            })?;
+            let unshadowed = unshadowed.into_iter().map(|u| u.unwrap_or(Rgb::BLACK)).collect();
+            lights.push(CachedLight { light, unshadowed, visibility: Layer::new(n) });
+        }
+        let others: Vec<usize> = (0..scene.lights.len()).filter(|l| !separate.contains(l)).collect();
+        let rest = (!others.is_empty()).then(|| (others, Layer::new(n)));
+        Ok(Self { lights, rest, luminance: vec![0.0; n] })
+    }
+
+    pub(crate) fn irradiance(&self, index: usize) -> Rgb {
+        let separate: Rgb = self.lights.iter().map(|l| l.unshadowed[index] * l.visibility.values[index]).sum();
+        separate + self.rest.as_ref().map_or(Rgb::BLACK, |(_, layer)| layer.values[index])
+    }
+
+    /// Luminance of [`Direct::irradiance`].
+    #[inline]
+    pub(crate) fn luminance(&self, index: usize) -> f32 {
+        self.luminance[index]
+    }
+
+    pub(crate) fn lights(&self) -> &[CachedLight] {
+        &self.lights
+    }
+
+    /// The lights that share a layer, and their irradiance.
+    pub(crate) fn rest(&self) -> Option<(&[usize], &Layer<Rgb>)> {
+        self.rest.as_ref().map(|(lights, layer)| (lights.as_slice(), layer))
+    }
+
+    /// Why any light was traced at each pixel.
+    pub(crate) fn reasons(&self) -> Vec<Reason> {
+        let layers = self.lights.iter().map(|l| &l.visibility.reasons).chain(self.rest.iter().map(|r| &r.1.reasons));
+        let mut reasons = vec![Reason::Interpolated; self.luminance.len()];
+        for layer in layers {
+            for (reason, &r) in reasons.iter_mut().zip(layer) {
+                if *reason == Reason::Interpolated {
+                    *reason = r;
+                }
+            }
+        }
+        reasons
+    }
+
+    /// The finest step of any light at each pixel.
+    pub(crate) fn levels(&self) -> Vec<u8> {
+        let first = self.lights.iter().map(|l| &l.visibility.levels).chain(self.rest.iter().map(|r| &r.1.levels)).next();
+        first.cloned().unwrap_or_else(|| vec![0; self.luminance.len()])
+    }
+
+    pub(crate) fn refine(
+        &mut self,
+        view: &View,
+        indirect: &Indirect,
+        tolerance: Tolerance,
+        account: &mut Account<'_, '_>,
+    ) -> Result<(), Interrupted> {
+        // What is known of the light that isn't this light's.
+        let mut known: Vec<f32> = (0..self.luminance.len()).map(|i| indirect.ambient(view, i)).collect();
+        let shader = account.frame.shader();
+        for CachedLight { light, unshadowed, visibility } in &mut self.lights {
+            let rule = LightRule { view, unshadowed, known: &known, floor: indirect.floor() };
+            refine(&view.lattice, visibility, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
+                account.pixels(Component::Direct, pixels, |point, stream, work| {
+                    shader.visibility(*light, &point.facing, stream, work)
+                })
+            })?;
+            verify(view, *light, visibility, &rule, tolerance, account)?;
+            for (i, known) in known.iter_mut().enumerate() {
+                *known += unshadowed[i].luminance() * visibility.values[i];
+            }
+        }
+        if let Some((lights, layer)) = &mut self.rest {
+            let rule = RestRule { view, known: &known, floor: indirect.floor() };
+            refine(&view.lattice, layer, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
+                account.pixels(Component::Direct, pixels, |point, stream, work| {
+                    lights.iter().map(|&l| shader.irradiance_from(l, &point.facing, stream, work)).sum()
+                })
+            })?;
+        }
+        self.luminance = (0..known.len()).map(|i| self.irradiance(i).luminance()).collect();
+        Ok(())
+    }
+}
+
+struct LightRule<'x> {
+    view: &'x View,
+    unshadowed: &'x [Rgb],
+    known: &'x [f32],
+    floor: f32,
+}
+
+impl Rule<f32> for LightRule<'_> {
+    fn gain(&self, index: usize) -> f32 {
+        self.view.gain(index) * self.unshadowed[index].luminance()
+    }
+    fn reference(&self, index: usize, predicted: f32) -> f32 {
+        let irradiance = self.known[index] + self.unshadowed[index].luminance() * predicted;
+        self.floor + irradiance * self.view.gain(index)
+    }
+    fn spacing(&self, _: usize) -> u32 {
+        COARSEST
+    }
+}
+
+struct RestRule<'x> {
+    view: &'x View,
+    known: &'x [f32],
+    floor: f32,
+}
+
+impl Rule<Rgb> for RestRule<'_> {
+    fn gain(&self, index: usize) -> f32 {
+        self.view.gain(index)
+    }
+    fn reference(&self, index: usize, predicted: Rgb) -> f32 {
+        self.floor + (self.known[index] + predicted.luminance()) * self.view.gain(index)
+    }
+    fn spacing(&self, _: usize) -> u32 {
+        COARSEST
+    }
+}
+
+/// Predictions beyond these count as certain: one ray that says otherwise proves them wrong.
+const SURELY_LIT: f32 = 0.98;
+const SURELY_DARK: f32 = 0.02;
+
+/// How far around a wrong prediction others are doubted, in pixels.
+const DOUBT: u32 = 2;
+
+/// One shadow ray for each interpolated pixel, its place on the light stratified over blocks of 4x4 pixels. Where it
+/// contradicts the interpolation, the pixel is traced, and its neighbours as long as they too were wrong.
+fn verify(
+    view: &View,
+    light: usize,
+    visibility: &mut Layer<f32>,
+    rule: &LightRule<'_>,
+    tolerance: Tolerance,
+    account: &mut Account<'_, '_>,
+) -> Result<(), Interrupted> {
+    let size = view.size();
+    let shader = account.frame.shader();
+    let matters = |i: usize, value: f32| {
+        let gain = rule.gain(i);
+        gain > tolerance.error * rule.reference(i, value)
+    };
+    let sure = |v: f32| !(SURELY_DARK..=SURELY_LIT).contains(&v);
+    let doubtful: Vec<(Pixel, bool)> = (0..size.n_pixels())
+        .filter(|&i| view.sites.values()[i].is_some() && !visibility.is_traced(i) && sure(visibility.values[i]) && matters(i, visibility.values[i]))
+        .map(|i| (size.pixel(i), visibility.values[i] > 0.5))
+        .collect();
+    let frame = account.frame;
+    let contradicted = account.overhead(&doubtful, |&(pixel, is_lit), work| {
+        frame.at(pixel, work, |point, _, work| {
+            let in_block = (pixel.y % 4) * 4 + pixel.x % 4;
+            let block = u64::from(pixel.y / 4) << 32 | u64::from(pixel.x / 4);
+            shader.probe(light, &point.facing, in_block, block, work).is_some_and(|free| free != is_lit)
+        })
+    })?;
+    let mut wave: Vec<Pixel> = doubtful.iter().zip(contradicted).filter(|(_, c)| *c).map(|((p, _), _)| *p).collect();
+    while !wave.is_empty() {
+        let values = account.pixels(Component::Direct, &wave, |point, stream, work| {
+            shader.visibility(light, &point.facing, stream, work)
+        })?;
+        let mut next = Vec::new();
+        for (&pixel, value) in wave.iter().zip(values) {
+            let i = size.index(pixel);
+            let wrong_by = (value - visibility.values[i]).abs();
+            visibility.values[i] = value;
+            visibility.reasons[i] = Reason::Verification;
+            if rule.gain(i) * wrong_by > tolerance.error * rule.reference(i, value) {
+                for y in pixel.y.saturating_sub(DOUBT)..(pixel.y + DOUBT + 1).min(size.height) {
+                    next.extend((pixel.x.saturating_sub(DOUBT)..(pixel.x + DOUBT + 1).min(size.width)).map(|x| Pixel { x, y }));
+                }
+            }
+        }
+        next.sort_unstable_by_key(|p| (p.y, p.x));
+        next.dedup();
+        next.retain(|&p| {
+            let i = size.index(p);
+            view.sites.values()[i].is_some() && rule.gain(i) > 0.0 && !visibility.is_traced(i)
+        });
+        wave = next;
+    }
+    Ok(())
+}
+

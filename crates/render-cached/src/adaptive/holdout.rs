@@ -1,0 +1,81 @@
+//! Pixels held out: computed in full, to measure what interpolation has missed.
+
+use base::{Component, Components, ImageSize, Interrupted, Pixel, Rgb, Rng, Stream};
+
+use super::{Account, ErrorReport};
+use crate::Args;
+use crate::frame::Frame;
+
+/// Share of the pixels held out, and the fewest.
+const SHARE: f64 = 0.002;
+const FEWEST: usize = 1000;
+
+/// What was measured, and which component is to blame most.
+#[derive(Debug)]
+pub(crate) struct Report {
+    pub(crate) estimate: ErrorReport,
+    pub(crate) worst: Component,
+}
+
+/// Computes random pixels as `--mode original` does and compares.
+pub(crate) fn measure(
+    args: &Args,
+    frame: &Frame<'_>,
+    composed: &dyn Fn(usize) -> Components<Rgb>,
+    round: usize,
+    account: &mut Account<'_, '_>,
+) -> Result<Report, Interrupted> {
+    let size = frame.size();
+    let pixels = choose(size, args.seed, round);
+    let shader = frame.shader();
+    let truth = account.overhead(&pixels, |&pixel, work| {
+        frame.at(pixel, work, |point, stream, work| {
+            let values = Components {
+                direct: shader.direct(point, stream, work),
+                indirect: shader.indirect(point, work),
+                specular: shader.specular(point, stream, work),
+                caustic: shader.caustic(point, work),
+            };
+            Some((values, point.emitted()))
+        })
+    })?;
+    let mut errors = Vec::with_capacity(pixels.len());
+    let mut blame = Components::<f64>::default();
+    for (&pixel, truth) in pixels.iter().zip(truth) {
+        let Some((truth, emitted)) = truth else {
+            errors.push(0.0);
+            continue;
+        };
+        let ours = composed(size.index(pixel));
+        let sum = |c: &Components<Rgb>| Component::ALL.into_iter().fold(emitted, |s, k| s + c[k]);
+        errors.push(film::flip_of_colors(sum(&ours), sum(&truth), args.exposure));
+        for component in Component::ALL {
+            let mut one = truth;
+            one[component] = ours[component];
+            blame[component] += f64::from(film::flip_of_colors(sum(&one), sum(&truth), args.exposure));
+        }
+    }
+    let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / errors.len().max(1) as f64;
+    errors.sort_unstable_by(f32::total_cmp);
+    let p995 = errors.get(errors.len() * 995 / 1000).copied().unwrap_or(0.0);
+    let worst = Component::ALL.into_iter().max_by(|a, b| blame[*a].total_cmp(&blame[*b])).unwrap_or(Component::Direct);
+    let estimate = ErrorReport {
+        target: f64::from(args.error),
+        measured_mean: mean,
+        measured_p995: f64::from(p995),
+        held_out_pixels: pixels.len() as u64,
+    };
+    Ok(Report { estimate, worst })
+}
+
+fn choose(size: ImageSize, seed: u64, round: usize) -> Vec<Pixel> {
+    let n = ((size.n_pixels() as f64 * SHARE) as usize).max(FEWEST).min(size.n_pixels());
+    let mut rng = Rng::new(seed, Stream::HoldOut, round as u64);
+    // One in each of n stretches of the picture, so that none is taken twice.
+    let stretch = |i: usize| i * size.n_pixels() / n;
+    let mut pixels: Vec<usize> = (0..n)
+        .map(|i| stretch(i) + (rng.next_f32() * (stretch(i + 1) - stretch(i)) as f32) as usize)
+        .collect();
+    pixels.dedup();
+    pixels.into_iter().map(|i| size.pixel(i)).collect()
+}

@@ -1,0 +1,92 @@
+//! `--mode adaptive`: a cache for each component, one error target for all.
+//!
+//! Eye rays and specular chains are followed everywhere; what is cached is irradiance and the visibility of lights,
+//! never radiance times albedo. Each is computed on a coarse lattice and refined where it has structure
+//! ([`cache_map::refine`]); then pixels held out measure the error that was reached, and what failed is refined again.
+
+mod account;
+mod caustic;
+mod direct;
+mod holdout;
+mod indirect;
+mod leaves;
+mod view;
+
+use base::{Component, Components, Grid, Rgb, math::FRAC_1_PI};
+use cache_map::Tolerance;
+use cli::Clock;
+
+use crate::Args;
+use crate::frame::Frame;
+use crate::render::{Progress, Rendered};
+
+pub(crate) use account::{Account, ErrorReport};
+pub(crate) use view::View;
+
+/// The widest spacing of a lattice, in pixels.
+const COARSEST: u32 = 16;
+
+/// How often what failed is refined again.
+const MAX_ROUNDS: usize = 4;
+
+/// Renders with the error target of the command line, which is above 0.
+pub(crate) fn render(
+    args: &Args,
+    frame: &Frame<'_>,
+    clock: &mut Clock,
+    progress: &Progress<'_>,
+) -> anyhow::Result<Rendered> {
+    let mut account = Account::new(frame, clock, progress);
+    let view = View::new(frame);
+    let mut indirect = indirect::Indirect::start(&view, &mut account)?;
+    let mut direct = direct::Direct::start(&view, &mut account)?;
+    let mut caustic = caustic::Caustic::start(&view, &account);
+    let mut specular = leaves::Leaves::start(frame, &mut account)?;
+
+    let mut strictness = Components::from_fn(|_| 1.0_f32);
+    let mut round = 0;
+    let error = loop {
+        let tolerance = |component: Component, error: f32, edge: f32| {
+            let error = error * args.error * strictness[component];
+            Tolerance { error, edge: error * edge }
+        };
+        direct.refine(&view, &indirect, tolerance(Component::Direct, 1.5, 8.0), &mut account)?;
+        indirect.refine(&view, &direct, tolerance(Component::Indirect, 2.0, 10.0), &mut account)?;
+        caustic.refine(&view, &direct, &indirect, tolerance(Component::Caustic, 1.0, 8.0), &mut account)?;
+        specular.resolve(&view, &direct, &indirect, &caustic, &mut account)?;
+        let compose = |i: usize| {
+            let [d, n, c] = [direct.irradiance(i), indirect.irradiance(i), caustic.irradiance(i)];
+            let albedo = view.albedo(i) * FRAC_1_PI;
+            Components { direct: albedo * d, indirect: albedo * n, caustic: albedo * c, specular: specular.radiance(i) }
+        };
+        let report = holdout::measure(args, frame, &compose, round, &mut account)?;
+        round += 1;
+        if report.estimate.measured_mean <= f64::from(args.error) || round == MAX_ROUNDS {
+            break report.estimate;
+        }
+        strictness[report.worst] *= 0.5;
+    };
+
+    let size = frame.size();
+    let mut values = Components::from_fn(|_| Grid::from_fn(size, |_| Rgb::BLACK));
+    for i in 0..size.n_pixels() {
+        let albedo = view.albedo(i) * FRAC_1_PI;
+        values.direct.values_mut()[i] = albedo * direct.irradiance(i);
+        values.indirect.values_mut()[i] = albedo * indirect.irradiance(i);
+        values.caustic.values_mut()[i] = albedo * caustic.irradiance(i);
+        values.specular.values_mut()[i] = specular.radiance(i);
+    }
+    let reasons = Components {
+        direct: direct.reasons(),
+        indirect: indirect.layer.reasons,
+        caustic: caustic.layer.reasons,
+        specular: specular.reasons(),
+    };
+    let levels = Components {
+        direct: direct.levels(),
+        indirect: indirect.layer.levels,
+        caustic: caustic.layer.levels,
+        specular: vec![0; size.n_pixels()],
+    };
+    Ok(account.finish(values, reasons, levels, error))
+}
