@@ -22,7 +22,7 @@ impl Console {
 
     fn line(&self, text: &dyn Display) {
         // Nobody is left to be told if this fails.
-        let _ = writeln!(io::stderr(), "{}: {text}", self.program);
+        let _ = writeln!(io::stderr(), "{}: {}", self.program, one_line(&text.to_string()));
     }
 
     /// Something that the user should know, whatever the verbosity.
@@ -53,5 +53,24 @@ impl Console {
         let style = ProgressStyle::with_template("{msg:10} {wide_bar} {percent:>3} % {eta:>4}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar
+    }
+}
+
+/// Text made fit for a message: no line breaks, no codes that a terminal would obey. Names of files can hold both.
+pub(crate) fn one_line(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_control() { line.extend(c.escape_default()) } else { line.push(c) }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_stays_a_line() {
+        assert_eq!(one_line("no `é\n\u{1b}[2J`"), "no `é\\n\\u{1b}[2J`");
     }
 }

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use base::Interrupted;
+
 /// Whether the user has asked for an end, by Ctrl-C or a signal to terminate. Asking twice ends the process at once.
 #[derive(Clone, Debug, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
@@ -24,5 +26,13 @@ impl Interrupt {
     /// Whether to go on.
     pub fn go_on(&self) -> bool {
         !self.0.load(Ordering::Relaxed)
+    }
+
+    /// To be asked between stages, above all before outputs are written.
+    ///
+    /// # Errors
+    /// When the user has asked for an end.
+    pub fn check(&self) -> Result<(), Interrupted> {
+        if self.go_on() { Ok(()) } else { Err(Interrupted) }
     }
 }

@@ -7,13 +7,15 @@ mod count;
 mod ending;
 mod interrupt;
 mod options;
+mod outputs;
 mod stats;
 
 pub use clock::{Clock, Seconds, peak_rss_bytes};
 pub use command::command_line;
 pub use console::Console;
 pub use count::parse_count;
-pub use ending::{WrongUsage, finish};
+pub use ending::{WrongUsage, run};
 pub use interrupt::Interrupt;
 pub use options::{Common, Verbosity};
+pub use outputs::check_outputs;
 pub use stats::write_stats;

@@ -1,6 +1,6 @@
 //! From a scene to a file of photons.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context, bail};
@@ -26,9 +26,9 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
         bail!(WrongUsage("a scene and an output are needed".into()));
     };
     let budget = budget(args)?;
-    for path in [Some(output), args.common.stats.as_ref()].into_iter().flatten() {
-        atomic_file::check(path, args.common.existing())?;
-    }
+    let outputs: Vec<&Path> =
+        args.common.stats.iter().chain([output]).map(PathBuf::as_path).collect();
+    cli::check_outputs(&outputs, &[scene_path], args.common.existing())?;
     let pool = args.common.thread_pool()?;
 
     // Reading a scene includes building its BVH; `load` answers with both.
@@ -36,6 +36,12 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     loaded.warnings.iter().for_each(|w| console.warn(w));
     let scene = loaded.scene;
     let load = clock.lap();
+    console.detail(format_args!(
+        "{} lights, {} threads",
+        scene.lights.len(),
+        pool.current_num_threads()
+    ));
+    interrupt.check().context(NOTHING_WRITTEN)?;
 
     let config = Config {
         budget,
@@ -48,8 +54,9 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     let trace = clock.lap();
 
     let account = traced.account;
-    let maps = pool.install(|| maps(&scene, &config, traced));
+    let maps = pool.install(|| maps(&scene, &config, traced))?;
     let tree = clock.lap();
+    interrupt.check().context(NOTHING_WRITTEN)?;
 
     let made_by = concat!("photon-build ", env!("CARGO_PKG_VERSION"));
     let file_bytes =
@@ -59,6 +66,14 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     let n_photons: usize = maps.sets().map(|(_, set)| set.len()).sum();
     let n_bytes: usize = maps.sets().map(|(_, set)| set.n_bytes()).sum();
     let total = clock.total();
+    console.detail(format_args!(
+        "{} photons absorbed, {} escaped, {} rays",
+        account.absorbed, account.escaped, account.rays
+    ));
+    for (stage, seconds) in [("load", load), ("trace", trace), ("tree", tree), ("write", write)] {
+        console
+            .detail(format_args!("{stage:>10} {:8.2} s {:8.2} CPU s", seconds.wall, seconds.cpu));
+    }
     for (class, set) in maps.sets() {
         console.say(format_args!("{:>10} {} photons", set.len(), class.name()));
     }
@@ -106,6 +121,12 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What an interrupted run leaves behind.
+const NOTHING_WRITTEN: &str = "no photon map was written";
+
+/// Emitting more than this would fill the memory of any machine, and more of a class can't be numbered.
+const MOST_PHOTONS: u64 = u32::MAX as u64;
+
 fn budget(args: &Args) -> anyhow::Result<Budget> {
     let budget = match args.photons_per_light {
         Some(n) => Budget::PerLight(n),
@@ -118,8 +139,13 @@ fn budget(args: &Args) -> anyhow::Result<Budget> {
         Budget::PerLight(0) => {
             bail!(WrongUsage("--photons-per-light 0 emits nothing; ask for one at least".into()))
         }
+        Budget::Total(n) | Budget::PerLight(n) if n > MOST_PHOTONS => bail!(too_many(n)),
         budget => Ok(budget),
     }
+}
+
+fn too_many(n_photons: u64) -> WrongUsage {
+    WrongUsage(format!("{n_photons} photons are too many; ask for {MOST_PHOTONS} at most"))
 }
 
 fn trace(
@@ -130,7 +156,11 @@ fn trace(
     interrupt: &Interrupt,
 ) -> anyhow::Result<Traced> {
     let fluxes: Vec<_> = scene.lights.iter().map(|light| light.flux(&scene.bounds())).collect();
-    let n_photons = photon_trace::photons_of_lights(config.budget, &fluxes).iter().sum();
+    let counts = photon_trace::photons_of_lights(config.budget, &fluxes);
+    let n_photons = counts.into_iter().fold(0, u64::saturating_add);
+    if n_photons > MOST_PHOTONS {
+        bail!(too_many(n_photons));
+    }
     let bar = console.progress("photons", n_photons);
     let done = AtomicU64::new(0);
     let watch = |n| {
@@ -139,7 +169,7 @@ fn trace(
     };
     let traced = pool.install(|| photon_trace::trace(scene, config, &watch));
     bar.finish_and_clear();
-    traced.context("no photon map was written")
+    traced.context(NOTHING_WRITTEN)
 }
 
 /// Every photon must have met an end, and light must have come of it.
@@ -161,7 +191,11 @@ fn audit(account: &Account, max_bounces: u32, console: &Console) -> anyhow::Resu
     Ok(())
 }
 
-fn maps(scene: &Scene, config: &Config, traced: Traced) -> PhotonMaps {
+fn maps(scene: &Scene, config: &Config, traced: Traced) -> anyhow::Result<PhotonMaps> {
+    let sets = [&traced.direct, &traced.caustic, &traced.indirect];
+    if let Some(n) = sets.map(Vec::len).into_iter().find(|&n| n as u64 > MOST_PHOTONS) {
+        bail!("{n} photons of a class are more than {MOST_PHOTONS}; ask for fewer");
+    }
     let Account { emitted, absorbed, escaped, cut, rays, flux } = traced.account;
     let inventory: Inventory = scene.inventory().clone();
     let metadata = Metadata {
@@ -181,12 +215,12 @@ fn maps(scene: &Scene, config: &Config, traced: Traced) -> PhotonMaps {
     let caustic = PhotonSet::build(&traced.caustic);
     drop(traced.caustic);
     let indirect = PhotonSet::build(&traced.indirect);
-    PhotonMaps { metadata, direct, caustic, indirect }
+    Ok(PhotonMaps { metadata, direct, caustic, indirect })
 }
 
-/// The command that makes the map anew; only what decides its contents.
+/// The command that makes the map anew, with `{file}` for its name; only what decides its contents.
 fn remedy(args: &Args, scene: &Path) -> String {
-    let mut words = vec!["photon-build".into(), scene.into(), "-o".into()];
+    let mut words = vec!["photon-build".into(), scene.into(), "-o".into(), "{file}".into()];
     let mut option = |name: &str, value: String| words.extend([name.into(), value.into()]);
     match args.photons_per_light {
         Some(n) => option("--photons-per-light", n.to_string()),
@@ -198,5 +232,5 @@ fn remedy(args: &Args, scene: &Path) -> String {
         option("--store", "direct".into());
     }
     words.push("--force".into());
-    cli::command_line(words).replacen(" -o ", " -o {file} ", 1)
+    cli::command_line(words)
 }

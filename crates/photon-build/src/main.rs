@@ -2,8 +2,6 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    cli::finish("photon-build", photon_build::run(&photon_build::Args::parse()))
+    cli::run("photon-build", photon_build::run)
 }
