@@ -1,6 +1,6 @@
 //! What can go wrong when a scene is read.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a scene was refused.
 ///
@@ -36,4 +36,25 @@ pub enum Error {
         /// What is wrong, and what to do about it.
         fault: String,
     },
+}
+
+impl Error {
+    /// Something is wrong at one place of a text file.
+    pub(crate) fn at(path: &Path, line: usize, column: usize, fault: impl Into<String>) -> Self {
+        Self::At { path: path.to_path_buf(), line, column, fault: one_line(fault.into()) }
+    }
+
+    /// Something is wrong with a file as a whole.
+    pub(crate) fn whole(path: &Path, fault: impl Into<String>) -> Self {
+        Self::Whole { path: path.to_path_buf(), fault: one_line(fault.into()) }
+    }
+}
+
+/// Faults quote the file, which may hold anything.
+fn one_line(text: String) -> String {
+    if text.chars().any(char::is_control) {
+        text.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect()
+    } else {
+        text
+    }
 }

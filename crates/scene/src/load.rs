@@ -38,9 +38,105 @@ pub struct Loaded {
 
 /// Reads a scene file.
 ///
+/// A scene file is TOML. Paths in it are relative to it. Unknown keys are errors. A color is `[red, green, blue]`, linear
+/// Rec. 709, or one number for gray; angles are in degrees; lengths are in any unit, as long as it is the same
+/// everywhere. Names are optional except for those of materials; an object without one is called by its place, such as
+/// `quad 3`, and no two objects may have the same.
+///
+/// ```toml
+/// [camera]
+/// origin = [0, 2, 10]      # where the eye is
+/// target = [0, 2, 0]       # what the middle of the picture shows
+/// up = [0, 1, 0]           # this is the default
+/// fov = 40                 # whole angle of view
+/// fov_axis = "x"           # across the width, which is the default; "y": the height; "smaller", "larger": that side
+///
+/// [materials.NAME]         # one of the four types
+/// type = "diffuse"
+/// albedo = [0.7, 0.7, 0.7] # at most 1; both sides reflect alike
+/// emission = [17, 12, 4]   # radiance of the front side; optional; mirrors and metals take it, too
+///
+/// type = "mirror"
+/// reflectance = 0.9        # at most 1, the same at every angle
+/// albedo = 0.1             # optional; the sum of both is at most 1
+///
+/// type = "metal"
+/// preset = "gold"          # or aluminium, chromium, copper, iron, platinum, silver
+/// eta = [0.2, 0.4, 1.4]    # or complex index of refraction, eta + i k, instead of a preset
+/// k = [3.4, 2.3, 1.8]
+///
+/// type = "glass"
+/// ior = 1.5                # inside relative to outside, 0.1 to 10
+/// absorption = [0.1, 0, 0] # per unit of length inside; optional
+///
+/// [[meshes]]
+/// name = "rabbit"
+/// file = "rabbit.ply"      # or .obj
+/// material = "NAME"        # needed for PLY; for OBJ it takes the place of the materials of the file
+/// smooth = true            # use the normals of the file, if it has any; this is the default
+/// transform = { scale = 2, rotate = { axis = [0, 1, 0], degrees = 30 }, translate = [0, 0, -1] }
+///
+/// [[quads]]                # a parallelogram; its front is the side that edges[0] x edges[1] points to
+/// name = "floor"
+/// corner = [-1, 0, -1]
+/// edges = [[0, 0, 2], [2, 0, 0]]
+/// material = "NAME"
+///
+/// [[boxes]]                # either min and max or center and size
+/// name = "room"
+/// min = [-1, 0, -1]
+/// max = [1, 2, 1]
+/// inward = true            # turn the front sides inward; false is the default
+/// material = "NAME"        # takes a transform, too
+///
+/// [[spheres]]              # they cannot emit
+/// name = "ball"
+/// center = [0, 1, 0]
+/// radius = 0.5
+/// material = "NAME"
+///
+/// [[lights]]               # besides the objects whose material emits; one of the four types
+/// name = "lamp"
+/// type = "point"
+/// position = [0, 3, 0]
+/// intensity = [5, 5, 5]    # per solid angle
+///
+/// type = "spot"
+/// position = [0, 3, 0]
+/// target = [0, 0, 0]
+/// intensity = [5, 5, 5]    # per solid angle, along the axis
+/// cone_angle = 30          # half angle beyond which it is dark, up to 180
+/// falloff_angle = 20       # half angle at which it begins to fall off; optional: not before cone_angle
+///
+/// type = "directional"
+/// direction = [0, -1, 0]   # in which the light travels
+/// irradiance = [1, 1, 1]   # on a surface that faces it
+///
+/// type = "environment"
+/// radiance = [1, 1, 1]     # from everywhere beyond the scene
+/// ```
+///
+/// A transform scales, by a number or `[x, y, z]`, then rotates, once or for each of a list, counterclockwise as seen
+/// against the axis, then translates; or it is a `matrix` of four rows, the last `[0, 0, 0, 1]`. Mirrored bodies keep
+/// their outside.
+///
+/// # Meshes
+///
+/// OBJ: polygons of any shape, normals if all corners of an object have them. Of MTL, `illum` 0, 1 and 2 are diffuse
+/// (`Kd`), 3, 5 and 8 mirrors (`Ks`) with a diffuse part (`Kd`), 4, 6, 7 and 9 glass (`Ni`); `Ke` is emission. Ambient
+/// light (`Ka`) means nothing to a renderer of global illumination; textures, highlights, and transparency by `d` bring
+/// warnings. Such materials are named `MESH/NAME`.
+///
+/// PLY: ASCII and binary; vertices with `x y z`, `nx ny nz`; faces with `vertex_indices`.
+///
+/// Triangles without area and copies of others are dropped with a warning. Glass must be closed: where it isn't, a
+/// warning counts the open edges. Glass that is inside out is turned around.
+///
 /// # Errors
 ///
-/// Whatever keeps the scene from being rendered, with file, line and column.
+/// Whatever keeps the scene from being rendered: files that can't be read, syntax, values out of range, a scene without
+/// light or surfaces, a camera shut in by something dark. Every message names file, line and column, or the object, and
+/// what to do. Memory is proportional to the size of the files; no file makes this function panic.
 pub fn load(path: &Path) -> Result<Loaded, Error> {
     let source = Source::read(path)?;
     let file: SceneFile = toml::from_str(source.text()).map_err(|e| source.syntax(&e))?;

@@ -65,7 +65,7 @@ impl TextFile {
 
     /// Something is wrong with a line.
     pub(super) fn fault(&self, line: usize, fault: impl Into<String>) -> Error {
-        Error::At { path: self.path.clone(), line, column: 1, fault: fault.into() }
+        Error::at(&self.path, line, 1, fault)
     }
 
     /// Something about a line that the user should know.
@@ -75,7 +75,7 @@ impl TextFile {
 
     /// Something is wrong with the file as a whole.
     pub(super) fn whole(&self, fault: impl Into<String>) -> Error {
-        Error::Whole { path: self.path.clone(), fault: fault.into() }
+        Error::whole(&self.path, fault)
     }
 
     /// Finite numbers, as many as asked for; more words may follow.

@@ -72,7 +72,7 @@ pub(super) fn add(
     if let Some(map) = &table.transform {
         assembly.apply(map, &mut mesh, &object)?;
     }
-    let about_file = |text: String| Error::Whole { path: path.clone(), fault: text };
+    let about_file = |text: String| Error::whole(&path, text);
     admit(assembly, &mut mesh, &|text| about_file(text).to_string());
     if mesh.triangles.is_empty() {
         let fault = "no triangle has an area; check the scale and the coordinates";

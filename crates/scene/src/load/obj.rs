@@ -215,7 +215,10 @@ mod tests {
                 "f 1 2 -9223372036854775808",
                 "a.obj:5:1: the face names vertex -9223372036854775808, but there are 4 before it",
             ),
-            ("glTF\u{1}", "a.obj:5:1: `glTF\\u{1}` is no statement of OBJ files; remove the line"),
+            (
+                "glTF\u{1}",
+                "a.obj:5:1: `glTF\u{fffd}` is no statement of OBJ files; remove the line",
+            ),
             ("", "a.obj: the file holds no faces; save it as a mesh"),
         ];
         for (line, expected) in cases {

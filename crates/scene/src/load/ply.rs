@@ -29,7 +29,7 @@ pub(super) struct Ply {
 pub(super) fn read(path: &Path, bytes: &[u8], material: MaterialId) -> Result<Ply, Error> {
     let header = Header::parse(path, bytes)?;
     let n_vertices = header.element("vertex").map_or(0, |e| e.count);
-    let whole = |fault: String| Error::Whole { path: path.to_path_buf(), fault };
+    let whole = |fault: String| Error::whole(path, fault);
     if header.element("face").is_none_or(|e| e.count == 0) || n_vertices == 0 {
         let other = header.elements.iter().any(|e| e.name == "tristrips");
         let fault = if other {

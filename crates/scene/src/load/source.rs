@@ -122,12 +122,9 @@ impl Source {
         let start = self.text.floor_char_boundary(span.start);
         let before = &self.text[..start];
         let line_start = before.rfind('\n').map_or(0, |i| i + 1);
-        Error::At {
-            path: self.path.clone(),
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
-            fault: fault.into(),
-        }
+        let line = before.matches('\n').count() + 1;
+        let column = before[line_start..].chars().count() + 1;
+        Error::at(&self.path, line, column, fault)
     }
 
     /// Something about the bytes of `span` that the user should know.
@@ -137,7 +134,7 @@ impl Source {
 
     /// Something is wrong with the scene as a whole.
     pub(super) fn fault_of_whole(&self, fault: impl Into<String>) -> Error {
-        Error::Whole { path: self.path.clone(), fault: fault.into() }
+        Error::whole(&self.path, fault)
     }
 
     /// What toml has to say, in the words of scene files.
@@ -146,8 +143,7 @@ impl Source {
             .message()
             .replace("unknown field", "unknown key")
             .replace("missing field", "missing key")
-            .replace("expected f64", "expected a number")
-            .replace('\n', ", ");
+            .replace("expected f64", "expected a number");
         self.fault(error.span().unwrap_or(0..0), fault)
     }
 

@@ -133,7 +133,6 @@ impl Checker<'_> {
             }
             keyword => {
                 let keyword: String = keyword.chars().take(20).collect();
-                let keyword = keyword.escape_debug();
                 let fault = format!("`{keyword}` is no statement of OBJ files; remove the line");
                 return Err(self.file.fault(line, fault));
             }
@@ -185,9 +184,9 @@ impl Checker<'_> {
         n: usize,
         what: &str,
     ) -> Result<usize, Error> {
-        let index: i64 = part.and_then(|p| p.parse().ok()).ok_or_else(|| {
-            self.file.fault(line, format!("`{}` is no corner of a face", word.escape_debug()))
-        })?;
+        let index: i64 = part
+            .and_then(|p| p.parse().ok())
+            .ok_or_else(|| self.file.fault(line, format!("`{word}` is no corner of a face")))?;
         let from_one =
             if index < 0 { (n as i64).saturating_add(index).saturating_add(1) } else { index };
         if from_one >= 1 && from_one <= n as i64 {

@@ -37,7 +37,7 @@ impl<'a> Body<'a> {
 
     /// Something is wrong with the file as a whole.
     pub(super) fn whole(&self, fault: String) -> Error {
-        Error::Whole { path: self.path.to_path_buf(), fault }
+        Error::whole(self.path, fault)
     }
 
     /// Something is wrong with what was read last: with its line, if there are lines.
@@ -47,7 +47,7 @@ impl<'a> Body<'a> {
         }
         let before = &self.bytes[..self.at.min(self.bytes.len())];
         let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
-        Error::At { path: self.path.to_path_buf(), line, column: 1, fault }
+        Error::at(self.path, line, 1, fault)
     }
 
     /// The next value, of element `index` of its kind.
@@ -103,7 +103,7 @@ impl<'a> Body<'a> {
         self.at += start + len;
         std::str::from_utf8(word).ok().and_then(|w| w.parse().ok()).ok_or_else(|| {
             // Of a binary file with a wrong header, a word can be long.
-            let word = String::from_utf8_lossy(&word[..len.min(20)]).escape_debug().to_string();
+            let word = String::from_utf8_lossy(&word[..len.min(20)]);
             self.fault(format!("`{word}` of {} {index} is no number", element.name))
         })
     }

@@ -99,12 +99,7 @@ impl Header {
     }
 
     pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Self, Error> {
-        let fault = |line: usize, fault: String| Error::At {
-            path: path.to_path_buf(),
-            line,
-            column: 1,
-            fault,
-        };
+        let fault = |line: usize, fault: String| Error::at(path, line, 1, fault);
         let (mut format, mut elements) = (None, Vec::<Element>::new());
         let mut len = 0;
         let head = &bytes[..bytes.len().min(MAX_HEADER)];
@@ -193,7 +188,7 @@ impl Header {
             }
         }
         let text = "the header has no end; the file is cut off or not a PLY file";
-        Err(Error::Whole { path: path.to_path_buf(), fault: text.into() })
+        Err(Error::whole(path, text))
     }
 }
 
