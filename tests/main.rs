@@ -1,4 +1,5 @@
 //! Tests that cross crates.
 
+mod architecture;
 mod path_tracer;
 mod scenes;
