@@ -182,7 +182,7 @@ fn parse_error(text: &str) -> Result<f32, String> {
 }
 
 fn parse_fraction(text: &str) -> Result<f64, String> {
-    parse_number(text, |n| n >= 1e-6 && n <= 1.0, "a share from 0.000001 to 1")
+    parse_number(text, |n| (1e-6..=1.0).contains(&n), "a share from 0.000001 to 1")
 }
 
 fn parse_k(text: &str) -> Result<u64, String> {

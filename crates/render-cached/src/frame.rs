@@ -119,8 +119,10 @@ pub(crate) fn for_each<I: Sync, T: Send>(
         .par_chunks(CHUNK)
         .map(|items| {
             let mut work = Work::default();
-            let values = items.iter().map(|item| f(item, &mut work)).collect();
-            watch(items.len() as u64).then_some((values, work.counts))
+            // Asked before each item, since some take long.
+            let values: Option<Vec<T>> =
+                items.iter().map(|item| watch(0).then(|| f(item, &mut work))).collect();
+            watch(items.len() as u64).then_some((values?, work.counts))
         })
         .collect();
     let mut all = Vec::with_capacity(items.len());

@@ -7,6 +7,7 @@ mod frame;
 mod original;
 mod output;
 mod paper;
+mod photons;
 mod render;
 mod stats;
 

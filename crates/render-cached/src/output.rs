@@ -45,7 +45,7 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     option("--caustic-gather", shading.caustic_gather.to_string());
     option("--kernel", shading.kernel.name().into());
     let mut length = |name: &str, value: Option<f32>| {
-        value.into_iter().for_each(|v| option(name, v.to_string()))
+        value.into_iter().for_each(|v| option(name, v.to_string()));
     };
     length("--gather-radius", shading.gather_radius);
     length("--caustic-radius", shading.caustic_radius);
@@ -66,7 +66,7 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
                 option("--fraction", fraction.to_string());
             }
             let mut file = |name: &str, path: Option<&Path>| {
-                path.into_iter().for_each(|p| option(name, p.to_string_lossy().into_owned()))
+                path.into_iter().for_each(|p| option(name, p.to_string_lossy().into_owned()));
             };
             file("--from-cache", from_cache);
             file("--save-cache", save_cache);

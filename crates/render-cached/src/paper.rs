@@ -8,7 +8,7 @@ use cli::{Clock, Seconds};
 use shade::Counts;
 
 use crate::frame::Frame;
-use crate::render::{Progress, Rendered, interrupted};
+use crate::render::{Progress, Rendered};
 use crate::{Args, output};
 
 /// What the options mean for a scene of the given diagonal.
@@ -61,9 +61,8 @@ pub(crate) fn render(
                      origin|
      -> anyhow::Result<()> {
         let what = if origin == Origin::Sampled { "samples" } else { component.name() };
-        let (radiance, c) = progress
-            .run(what, pixels.len(), |watch| frame.shade(component, pixels, watch))
-            .map_err(interrupted)?;
+        let (radiance, c) =
+            progress.run(what, pixels.len(), |watch| frame.shade(component, pixels, watch))?;
         map.record(component, pixels, &radiance, origin);
         traced[component] += pixels.len() as u64;
         counts += c;

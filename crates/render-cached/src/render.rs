@@ -1,10 +1,9 @@
 //! From a scene and its photons to pictures.
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use base::{
     Components, Fingerprint, FingerprintBuilder, Grid, ImageSize, Interrupted, Inventory, Rgb,
     Watch,
@@ -18,7 +17,7 @@ use shade::{Counts, Settings, Shader};
 
 use crate::adaptive::{self, ErrorReport};
 use crate::frame::Frame;
-use crate::{Args, Mode, original, output, paper, stats};
+use crate::{Args, Mode, original, output, paper, photons, stats};
 
 /// A picture by components, and what it took.
 #[derive(Debug)]
@@ -51,7 +50,7 @@ pub(crate) struct Progress<'a> {
 }
 
 impl Progress<'_> {
-    /// Does some work of so many units.
+    /// Does some work of so many units. To ask the watch whether to go on, without news, costs nothing.
     pub(crate) fn run<T>(
         &self,
         what: &'static str,
@@ -61,7 +60,9 @@ impl Progress<'_> {
         let bar = self.console.progress(what, units as u64);
         let done = AtomicU64::new(0);
         let result = work(&|n| {
-            bar.set_position(done.fetch_add(n, Ordering::Relaxed) + n);
+            if n > 0 {
+                bar.set_position(done.fetch_add(n, Ordering::Relaxed) + n);
+            }
             self.interrupt.go_on()
         });
         bar.finish_and_clear();
@@ -76,7 +77,10 @@ impl Progress<'_> {
 pub fn render(args: &Args) -> anyhow::Result<()> {
     let clock = Clock::start();
     let pool = check(args)?;
-    pool.install(|| render_in_pool(args, clock))
+    pool.install(|| render_in_pool(args, clock)).map_err(|error| match error.is::<Interrupted>() {
+        true => error.context("no picture was written"),
+        false => error,
+    })
 }
 
 /// Finds what can't work before anything is done.
@@ -131,29 +135,25 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     let loaded = scene::load(scene_path)?;
     loaded.warnings.iter().for_each(|w| console.warn(w));
     let scene = loaded.scene;
-    if !photons_path.exists() {
-        let words =
-            ["photon-build".as_ref(), scene_path.as_os_str(), "-o".as_ref(), photons_path.as_ref()];
-        let command = cli::command_line(words.map(OsString::from));
-        bail!("there is no {}; make it with: {command}", photons_path.display());
-    }
-    let (photons, file) = PhotonMaps::open(photons_path)?;
-    file.check_inputs(&photons.metadata.inventory, scene.inventory())?;
+    let photons = photons::open(photons_path, scene_path, &scene)?;
     let settings = settings(args, scene.bounds().diagonal());
     let inputs = inputs(&scene, &photons, &settings);
     let load = clock.lap();
-    interrupt.check().map_err(interrupted)?;
+    interrupt.check()?;
+    for (class, set) in photons.sets() {
+        console.detail(format_args!("{:>10} {} photons", set.len(), class.name()));
+    }
 
     let shader = Shader::new(&scene, &photons, settings);
     let traced = progress.run("eye rays", args.resolution.n_pixels(), |watch| {
         Frame::trace(shader, args.resolution, watch)
     });
-    let (frame, eye_counts) = traced.map_err(interrupted)?;
+    let (frame, eye_counts) = traced?;
     let primary = clock.lap();
 
     let mut rendered = match args.mode {
         Mode::Adaptive if args.error > 0.0 => adaptive::render(args, &frame, &mut clock, &progress)?,
-        Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress).map_err(interrupted)?,
+        Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
         Mode::Paper => {
             let thresholds = paper::thresholds(args, scene.bounds().diagonal());
             paper::render(args, &frame, &inputs, &thresholds, &mut clock, &progress)?
@@ -167,7 +167,7 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
         ));
     }
 
-    interrupt.check().map_err(interrupted)?;
+    interrupt.check()?;
     let picture = output::picture(args, &frame, &rendered, &inputs);
     output::write(args, &picture)?;
     let write = clock.lap();
@@ -179,10 +179,6 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
         cli::write_stats(path, args.common.existing(), &stats)?;
     }
     Ok(())
-}
-
-pub(crate) fn interrupted(error: Interrupted) -> anyhow::Error {
-    Err::<(), _>(error).context("no picture was written").unwrap_err()
 }
 
 fn settings(args: &Args, diagonal: f32) -> Settings {

@@ -131,6 +131,18 @@ impl Stats {
             ));
         }
         console.say(format_args!("{:>10} {:8.2} CPU s", "cache", self.cpu_seconds.cache));
+        for (stage, cpu) in [
+            ("load", self.cpu_seconds.load),
+            ("eye rays", self.cpu_seconds.primary),
+            ("write", self.cpu_seconds.write),
+        ] {
+            console.detail(format_args!("{stage:>10} {cpu:8.2} CPU s"));
+        }
+        let Rays { eye, specular, shadow, .. } = self.rays;
+        console.detail(format_args!(
+            "{eye} rays from the eye, {specular} specular, {shadow} shadow; {} photons visited",
+            self.photons_visited
+        ));
         console.say(format_args!(
             "{w}x{h} in {:.2} s ({:.2} CPU s), mode {}",
             self.seconds.total, self.cpu_seconds.total, self.mode
