@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::anyhow;
 use atomic_file::Existing;
 
 /// How much a program says.
@@ -61,8 +61,8 @@ impl Common {
             // Building a BVH over triangles in bad places recurses deeply.
             .stack_size(64 << 20)
             .build()
-            .with_context(|| {
-                format!("cannot start {} threads; ask for fewer with -t", self.threads)
+            .map_err(|cause| {
+                anyhow!("cannot start {} threads; ask for fewer with -t: {cause}", self.threads)
             })
     }
 }

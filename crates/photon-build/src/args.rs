@@ -25,10 +25,10 @@ pub struct Args {
     #[arg(short, long, value_name = "MAPS.photons", required = true)]
     pub output: Option<PathBuf>,
     /// Photons to emit in all, shared among the lights by their flux [default: 1M]
-    #[arg(long, value_name = "COUNT", value_parser = parse_count, conflicts_with = "photons_per_light")]
+    #[arg(long, value_name = "COUNT", allow_hyphen_values = true, value_parser = parse_count, conflicts_with = "photons_per_light")]
     pub photons: Option<u64>,
     /// Photons to emit from each light
-    #[arg(long, value_name = "COUNT", value_parser = parse_count)]
+    #[arg(long, value_name = "COUNT", allow_hyphen_values = true, value_parser = parse_count)]
     pub photons_per_light: Option<u64>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]

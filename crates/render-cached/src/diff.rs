@@ -2,7 +2,7 @@
 
 use std::io::{self, ErrorKind, Write};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use atomic_file::Existing;
 use cli::WrongUsage;
 use film::Format;
@@ -49,6 +49,6 @@ pub(crate) fn diff(args: &Diff) -> anyhow::Result<()> {
     match io::stdout().write_all(text.as_bytes()) {
         // Whoever reads has seen enough.
         Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
-        result => Ok(result?),
+        result => result.context("cannot write to standard output"),
     }
 }

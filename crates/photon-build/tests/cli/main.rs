@@ -1,0 +1,11 @@
+//! The program as its users meet it: command lines, files, messages, exit codes.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+#![cfg(target_os = "linux")] // Full devices, small disks and limits are made in its ways.
+
+mod bench;
+mod damage;
+mod endings;
+mod maps;
+mod outputs;
+mod usage;
