@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use base::Rgb;
 use base::math::PI;
+use base::{Ray, Rgb};
 use glam::Vec3A;
 use scene::{Loaded, Scene, load};
 
@@ -74,4 +74,25 @@ fn small_scenes_have_the_light_their_comments_promise() {
     let scene = load_scene("tests/each-light").scene;
     let names: Vec<_> = scene.lights.iter().map(|l| l.name.as_str()).collect();
     assert_eq!(names, ["panel", "ember", "point", "spot", "sun", "sky"]);
+}
+
+#[test]
+fn the_rabbit_stands_just_above_the_floor() {
+    let scene = load_scene("rabbit").scene;
+    let names: Vec<_> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+    assert_eq!(names, ["lamp", "side lamp"]);
+    let n = scene.accel.n_primitives() - 2 * 7;
+    assert!((60_000..80_000).contains(&n), "{n} triangles");
+    // From below, the first surface above the floor: many rays, since the feet are small.
+    let lowest = (0..10_000)
+        .filter_map(|i| {
+            let (x, z) = ((i % 100) as f32 * 0.02 - 1.0, (i / 100) as f32 * 0.02 - 1.0);
+            let ray = Ray::unbounded(Vec3A::new(x, 1e-3, z), Vec3A::Y);
+            let hit = scene.accel.closest_hit(&ray)?;
+            let surface = scene.accel.surface(&ray, &hit);
+            let is_glass = scene.material(&surface).name == "glass";
+            is_glass.then_some(surface.position.y)
+        })
+        .fold(f32::INFINITY, f32::min);
+    assert!((0.009..0.05).contains(&lowest), "{lowest}");
 }
