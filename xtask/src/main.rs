@@ -1,2 +1,34 @@
-//! Tasks.
-fn main() {}
+//! Chores of the project: `cargo xtask COMMAND`, one file per command.
+
+mod rabbit;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Chores of the project.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Rabbit(rabbit::Args),
+}
+
+#[expect(clippy::print_stderr, reason = "a program says on standard error why it failed")]
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Rabbit(args) => rabbit::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(err) => {
+            eprintln!("xtask: {err:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
