@@ -1,6 +1,10 @@
 //! Chores of the project: `cargo xtask COMMAND`, one file per command.
 
+mod demo;
+mod programs;
 mod rabbit;
+mod stats;
+mod table;
 
 use std::process::ExitCode;
 
@@ -16,12 +20,14 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Demo(demo::Args),
     Rabbit(rabbit::Args),
 }
 
 #[expect(clippy::print_stderr, reason = "a program says on standard error why it failed")]
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
+        Command::Demo(args) => demo::run(&args),
         Command::Rabbit(args) => rabbit::run(&args),
     };
     match result {
