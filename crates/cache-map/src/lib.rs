@@ -30,6 +30,6 @@ pub use file::{KIND, Saved, VERSION};
 pub use lattice::{Lattice, same_surface};
 pub use map::{CacheMap, Origin, SurfacePoint};
 pub use plan::Thresholds;
-pub use refine::{Layer, Reason, Rule, Tolerance, Value, refine};
+pub use refine::{Layer, Reason, Rule, Tolerance, Trace, Value, refine};
 pub use sampling::choose_pixels;
 pub use weight::error_between;

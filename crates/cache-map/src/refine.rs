@@ -118,6 +118,9 @@ enum Decision<T> {
     Take(T),
 }
 
+/// Computes values at pixels.
+pub type Trace<'x, T, E> = dyn FnMut(&[Pixel]) -> Result<Vec<T>, E> + 'x;
+
 /// Fills a layer from a lattice of spacing `coarsest` (a power of two) down to every pixel. Pixels that are traced
 /// already keep their values. `trace` computes values at the pixels that it is given.
 ///
@@ -129,7 +132,7 @@ pub fn refine<T: Value, E>(
     coarsest: u32,
     rule: &impl Rule<T>,
     tolerance: Tolerance,
-    trace: &mut dyn FnMut(&[Pixel]) -> Result<Vec<T>, E>,
+    trace: &mut Trace<'_, T, E>,
 ) -> Result<(), E> {
     let size = lattice.size();
     let mut settle =

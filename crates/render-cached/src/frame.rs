@@ -43,6 +43,11 @@ impl<'a> Frame<'a> {
         &self.shader
     }
 
+    /// The first surface of each pixel, its front side not turned to the eye.
+    pub(crate) fn surfaces(&self) -> &Grid<Option<Surface>> {
+        &self.surfaces
+    }
+
     /// The first surface of a pixel, as the eye sees it.
     pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
         let w_o = -eye_ray(&self.shader, self.size(), pixel).dir();

@@ -30,5 +30,13 @@ pub(crate) fn render(
         })
     });
     let traced = Components::from_fn(|_| pixels.len() as u64);
-    Ok(Rendered { values, origins, traced, counts, seconds, cache: Seconds::default(), adaptive: None })
+    Ok(Rendered {
+        values,
+        origins,
+        traced,
+        counts,
+        seconds,
+        cache: Seconds::default(),
+        adaptive: None,
+    })
 }

@@ -141,11 +141,19 @@ pub(crate) fn picture(
             Origin::Sampled | Origin::Traced => 1.0,
             Origin::None | Origin::Known | Origin::Interpolated => 0.0,
         });
-        push(&format!("reason.{}", layer(component)), &|p| match origins[p] {
-            Origin::None | Origin::Known | Origin::Interpolated => 0.0,
-            Origin::Sampled => 1.0,
-            Origin::Traced => 2.0,
-        });
+        match &rendered.adaptive {
+            None => push(&format!("reason.{}", layer(component)), &|p| match origins[p] {
+                Origin::None | Origin::Known | Origin::Interpolated => 0.0,
+                Origin::Sampled => 1.0,
+                Origin::Traced => 2.0,
+            }),
+            Some(history) => {
+                let (reasons, levels) = (&history.reasons[component], &history.levels[component]);
+                let number = |p: Pixel| f32::from(reasons[size.index(p)] as u8);
+                push(&format!("reason.{}", layer(component)), &number);
+                push(&format!("level.{}", layer(component)), &|p| f32::from(levels[size.index(p)]));
+            }
+        }
     }
     picture
 }

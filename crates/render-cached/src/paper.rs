@@ -88,5 +88,13 @@ pub(crate) fn render(
         cache += clock.lap();
     }
     let origins = Components::from_fn(|component| map.origins(component).clone());
-    Ok(Rendered { values: map.into_values(), origins, traced, counts, seconds, cache, adaptive: None })
+    Ok(Rendered {
+        values: map.into_values(),
+        origins,
+        traced,
+        counts,
+        seconds,
+        cache,
+        adaptive: None,
+    })
 }

@@ -152,7 +152,9 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     let primary = clock.lap();
 
     let mut rendered = match args.mode {
-        Mode::Adaptive if args.error > 0.0 => adaptive::render(args, &frame, &mut clock, &progress)?,
+        Mode::Adaptive if args.error > 0.0 => {
+            adaptive::render(args, &frame, &mut clock, &progress)?
+        }
         Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
         Mode::Paper => {
             let thresholds = paper::thresholds(args, scene.bounds().diagonal());

@@ -1,6 +1,6 @@
 //! Specular chains: from the eye through mirrors and glass to surfaces that aren't.
 
-use base::{Ray, Rgb, Rng, Stream};
+use base::{Ray, Rgb, Rng, Stream, hash_u64};
 use geometry::Surface;
 use scene::{Material, Transport};
 
@@ -21,6 +21,8 @@ pub struct ChainLeaf<'a> {
     pub weight: Rgb,
     /// The stream for shading it.
     pub stream: PixelStream,
+    /// A digest of the reflections and transmissions on the way. Of the leaves of a pixel no two share it.
+    pub path: u64,
 }
 
 /// A ray yet to be followed.
@@ -29,6 +31,7 @@ struct Branch<'a> {
     weight: Rgb,
     medium: Option<&'a Material>,
     length: u32,
+    path: u64,
 }
 
 impl<'a> Shader<'a> {
@@ -44,13 +47,15 @@ impl<'a> Shader<'a> {
         let mut rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
         let mut branches = Vec::new();
         let mut n_leaves = 0;
-        scatter(at, Rgb::ONE, None, 0, &mut rng, &mut branches);
+        let eye = Origin { weight: Rgb::ONE, medium: None, length: 0, path: 0 };
+        scatter(at, eye, &mut rng, &mut branches);
         while let Some(branch) = branches.pop() {
             work.counts.specular_rays += 1;
             n_leaves += 1;
             let stream = stream.part(n_leaves);
             let Some((point, distance)) = self.arrive(&branch.ray) else {
-                arrive(ChainLeaf { point: None, weight: branch.weight, stream }, work);
+                let Branch { weight, path, .. } = branch;
+                arrive(ChainLeaf { point: None, weight, stream, path }, work);
                 continue;
             };
             let inside = is_inside(&point.surface, &point);
@@ -61,9 +66,10 @@ impl<'a> Shader<'a> {
             };
             let weight =
                 branch.weight * through.map_or(Rgb::ONE, |glass| glass.transmittance(distance));
-            arrive(ChainLeaf { point: Some(point), weight, stream }, work);
+            arrive(ChainLeaf { point: Some(point), weight, stream, path: branch.path }, work);
             if branch.length < MAX_LENGTH {
-                scatter(&point, weight, branch.medium, branch.length, &mut rng, &mut branches);
+                let Branch { medium, length, path, .. } = branch;
+                scatter(&point, Origin { weight, medium, length, path }, &mut rng, &mut branches);
             } else if point.material.is_specular() {
                 work.counts.chains_cut += 1;
             }
@@ -75,19 +81,25 @@ fn is_inside(surface: &Surface, point: &ShadingPoint<'_>) -> bool {
     point.w_o.dot(surface.geometric_normal) < 0.0
 }
 
-/// Adds the branches that leave a surface.
-fn scatter<'a>(
-    at: &ShadingPoint<'a>,
+/// What a surface passes on to the branches that leave it.
+struct Origin<'a> {
     weight: Rgb,
     medium: Option<&'a Material>,
     length: u32,
+    path: u64,
+}
+
+/// Adds the branches that leave a surface.
+fn scatter<'a>(
+    at: &ShadingPoint<'a>,
+    from: Origin<'a>,
     rng: &mut Rng,
     branches: &mut Vec<Branch<'a>>,
 ) {
     for bounce in
         at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance).into_iter().flatten()
     {
-        let mut weight = weight * bounce.weight;
+        let mut weight = from.weight * bounce.weight;
         let largest = weight.max_channel();
         if largest < FOLLOW_ALWAYS {
             let p = largest / FOLLOW_ALWAYS;
@@ -99,9 +111,14 @@ fn scatter<'a>(
         let medium = match bounce.transmitted {
             true if is_inside(&at.surface, at) => None,
             true => Some(at.material),
-            false => medium,
+            false => from.medium,
         };
-        let ray = Ray::unbounded(at.surface.leave(bounce.dir), bounce.dir);
-        branches.push(Branch { ray, weight, medium, length: length + 1 });
+        branches.push(Branch {
+            ray: Ray::unbounded(at.surface.leave(bounce.dir), bounce.dir),
+            weight,
+            medium,
+            length: from.length + 1,
+            path: hash_u64(from.path, u64::from(bounce.transmitted)),
+        });
     }
 }

@@ -105,11 +105,19 @@ impl Shader<'_> {
 
     /// Whether one ray to a light gets through; nothing if the light sends nothing along it. Of the points on the light
     /// that [`Shader::visibility`] uses this takes number `which`, moved by the random bits of `block`.
-    pub fn probe(&self, light: usize, surface: &Surface, which: u32, block: u64, work: &mut Work) -> Option<bool> {
+    pub fn probe(
+        &self,
+        light: usize,
+        surface: &Surface,
+        which: u32,
+        block: u64,
+        work: &mut Work,
+    ) -> Option<bool> {
         let bits = hash_u64(PixelStream(block).part(light as u64).0, Stream::Probe as u64);
         let point = self.shadow_points.get(which as usize % self.shadow_points.len())?;
         let u = scramble(*point, bits);
-        let sample = self.scene.lights[light].sample(surface.position, surface.shading_normal, u)?;
+        let sample =
+            self.scene.lights[light].sample(surface.position, surface.shading_normal, u)?;
         Some(self.unoccluded(surface, sample.toward, work))
     }
 

@@ -33,7 +33,11 @@ pub(crate) struct Account<'x, 'a> {
 }
 
 impl<'x, 'a> Account<'x, 'a> {
-    pub(crate) fn new(frame: &'x Frame<'a>, clock: &'x mut Clock, progress: &'x Progress<'x>) -> Self {
+    pub(crate) fn new(
+        frame: &'x Frame<'a>,
+        clock: &'x mut Clock,
+        progress: &'x Progress<'x>,
+    ) -> Self {
         let (seconds, cache) = (Components::default(), Seconds::default());
         Self { frame, clock, progress, counts: Counts::default(), seconds, cache }
     }
@@ -70,7 +74,8 @@ impl<'x, 'a> Account<'x, 'a> {
         items: &[I],
         f: impl Fn(&I, &mut Work) -> T + Sync,
     ) -> Result<Vec<T>, Interrupted> {
-        let (values, counts) = self.progress.run("cache", items.len(), |watch| for_each(items, watch, f))?;
+        let (values, counts) =
+            self.progress.run("cache", items.len(), |watch| for_each(items, watch, f))?;
         self.counts += counts;
         Ok(values)
     }
@@ -85,7 +90,7 @@ impl<'x, 'a> Account<'x, 'a> {
         let size = self.frame.size();
         let origins: Components<Grid<Origin>> = Components::from_fn(|component| {
             Grid::from_fn(size, |pixel| match reasons[component][size.index(pixel)] {
-                _ if self.frame.point(pixel).is_none() => Origin::None,
+                _ if self.frame.surfaces()[pixel].is_none() => Origin::None,
                 Reason::Interpolated => Origin::Interpolated,
                 _ => Origin::Traced,
             })
@@ -95,6 +100,14 @@ impl<'x, 'a> Account<'x, 'a> {
         });
         self.cache += self.clock.lap();
         let adaptive = Some(AdaptiveLayers { reasons, levels, error });
-        Rendered { values, origins, traced, counts: self.counts, seconds: self.seconds, cache: self.cache, adaptive }
+        Rendered {
+            values,
+            origins,
+            traced,
+            counts: self.counts,
+            seconds: self.seconds,
+            cache: self.cache,
+            adaptive,
+        }
     }
 }

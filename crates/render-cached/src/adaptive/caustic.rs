@@ -25,7 +25,8 @@ impl Caustic {
         let shader = account.frame.shader();
         let reach = Reach::new(&shader.photons.caustic, shader.settings.caustic.max_radius);
         let sites = view.sites.values().par_iter().with_min_len(4096);
-        let in_reach = sites.map(|s| s.is_some_and(|s| reach.may_reach(s.position.into()))).collect();
+        let in_reach =
+            sites.map(|s| s.is_some_and(|s| reach.may_reach(s.position.into()))).collect();
         Self { layer: Layer::new(view.size().n_pixels()), in_reach }
     }
 
@@ -52,7 +53,8 @@ impl Caustic {
                 if self.in_reach[index] { self.view.gain(index) } else { 0.0 }
             }
             fn reference(&self, index: usize, predicted: Rgb) -> f32 {
-                let others = self.direct.luminance(index) + self.indirect.irradiance(index).luminance();
+                let others =
+                    self.direct.luminance(index) + self.indirect.irradiance(index).luminance();
                 self.indirect.floor() + (others + predicted.luminance()) * self.view.gain(index)
             }
             fn spacing(&self, _: usize) -> u32 {
@@ -61,10 +63,17 @@ impl Caustic {
         }
         let rule = CausticRule { view, direct, indirect, in_reach: &self.in_reach };
         let shader = account.frame.shader();
-        refine(&view.lattice, &mut self.layer, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
-            account.pixels(Component::Caustic, pixels, |point, _, work| {
-                shader.caustic_estimate(&point.facing, work).irradiance
-            })
-        })
+        refine(
+            &view.lattice,
+            &mut self.layer,
+            COARSEST,
+            &rule,
+            tolerance,
+            &mut |pixels: &[Pixel]| {
+                account.pixels(Component::Caustic, pixels, |point, _, work| {
+                    shader.caustic_estimate(&point.facing, work).irradiance
+                })
+            },
+        )
     }
 }

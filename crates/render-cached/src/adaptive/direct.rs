@@ -34,7 +34,8 @@ impl Direct {
     pub(crate) fn start(view: &View, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
         let scene = account.frame.shader().scene;
         let flux = |l: &usize| scene.lights[*l].flux(&scene.bounds()).mean();
-        let mut separate: Vec<usize> = (0..scene.lights.len()).filter(|&l| scene.lights[l].has_closed_form()).collect();
+        let mut separate: Vec<usize> =
+            (0..scene.lights.len()).filter(|&l| scene.lights[l].has_closed_form()).collect();
         separate.sort_by(|a, b| flux(b).total_cmp(&flux(a)).then(a.cmp(b)));
         separate.truncate(MAX_SEPARATE);
         separate.sort_unstable();
@@ -50,13 +51,15 @@ impl Direct {
             let unshadowed = unshadowed.into_iter().map(|u| u.unwrap_or(Rgb::BLACK)).collect();
             lights.push(CachedLight { light, unshadowed, visibility: Layer::new(n) });
         }
-        let others: Vec<usize> = (0..scene.lights.len()).filter(|l| !separate.contains(l)).collect();
+        let others: Vec<usize> =
+            (0..scene.lights.len()).filter(|l| !separate.contains(l)).collect();
         let rest = (!others.is_empty()).then(|| (others, Layer::new(n)));
         Ok(Self { lights, rest, luminance: vec![0.0; n] })
     }
 
     pub(crate) fn irradiance(&self, index: usize) -> Rgb {
-        let separate: Rgb = self.lights.iter().map(|l| l.unshadowed[index] * l.visibility.values[index]).sum();
+        let separate: Rgb =
+            self.lights.iter().map(|l| l.unshadowed[index] * l.visibility.values[index]).sum();
         separate + self.rest.as_ref().map_or(Rgb::BLACK, |(_, layer)| layer.values[index])
     }
 
@@ -70,14 +73,18 @@ impl Direct {
         &self.lights
     }
 
-    /// The lights that share a layer, and their irradiance.
-    pub(crate) fn rest(&self) -> Option<(&[usize], &Layer<Rgb>)> {
-        self.rest.as_ref().map(|(lights, layer)| (lights.as_slice(), layer))
+    /// Irradiance of the lights that share a layer.
+    pub(crate) fn rest(&self) -> Option<&Layer<Rgb>> {
+        self.rest.as_ref().map(|(_, layer)| layer)
     }
 
     /// Why any light was traced at each pixel.
     pub(crate) fn reasons(&self) -> Vec<Reason> {
-        let layers = self.lights.iter().map(|l| &l.visibility.reasons).chain(self.rest.iter().map(|r| &r.1.reasons));
+        let layers = self
+            .lights
+            .iter()
+            .map(|l| &l.visibility.reasons)
+            .chain(self.rest.iter().map(|r| &r.1.reasons));
         let mut reasons = vec![Reason::Interpolated; self.luminance.len()];
         for layer in layers {
             for (reason, &r) in reasons.iter_mut().zip(layer) {
@@ -91,7 +98,12 @@ impl Direct {
 
     /// The finest step of any light at each pixel.
     pub(crate) fn levels(&self) -> Vec<u8> {
-        let first = self.lights.iter().map(|l| &l.visibility.levels).chain(self.rest.iter().map(|r| &r.1.levels)).next();
+        let first = self
+            .lights
+            .iter()
+            .map(|l| &l.visibility.levels)
+            .chain(self.rest.iter().map(|r| &r.1.levels))
+            .next();
         first.cloned().unwrap_or_else(|| vec![0; self.luminance.len()])
     }
 
@@ -103,15 +115,23 @@ impl Direct {
         account: &mut Account<'_, '_>,
     ) -> Result<(), Interrupted> {
         // What is known of the light that isn't this light's.
-        let mut known: Vec<f32> = (0..self.luminance.len()).map(|i| indirect.ambient(view, i)).collect();
+        let mut known: Vec<f32> =
+            (0..self.luminance.len()).map(|i| indirect.ambient(view, i)).collect();
         let shader = account.frame.shader();
         for CachedLight { light, unshadowed, visibility } in &mut self.lights {
             let rule = LightRule { view, unshadowed, known: &known, floor: indirect.floor() };
-            refine(&view.lattice, visibility, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
-                account.pixels(Component::Direct, pixels, |point, stream, work| {
-                    shader.visibility(*light, &point.facing, stream, work)
-                })
-            })?;
+            refine(
+                &view.lattice,
+                visibility,
+                COARSEST,
+                &rule,
+                tolerance,
+                &mut |pixels: &[Pixel]| {
+                    account.pixels(Component::Direct, pixels, |point, stream, work| {
+                        shader.visibility(*light, &point.facing, stream, work)
+                    })
+                },
+            )?;
             verify(view, *light, visibility, &rule, tolerance, account)?;
             for (i, known) in known.iter_mut().enumerate() {
                 *known += unshadowed[i].luminance() * visibility.values[i];
@@ -121,7 +141,10 @@ impl Direct {
             let rule = RestRule { view, known: &known, floor: indirect.floor() };
             refine(&view.lattice, layer, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
                 account.pixels(Component::Direct, pixels, |point, stream, work| {
-                    lights.iter().map(|&l| shader.irradiance_from(l, &point.facing, stream, work)).sum()
+                    lights
+                        .iter()
+                        .map(|&l| shader.irradiance_from(l, &point.facing, stream, work))
+                        .sum()
                 })
             })?;
         }
@@ -175,7 +198,7 @@ const SURELY_DARK: f32 = 0.02;
 /// How far around a wrong prediction others are doubted, in pixels.
 const DOUBT: u32 = 2;
 
-/// One shadow ray for each interpolated pixel, its place on the light stratified over blocks of 4x4 pixels. Where it
+/// A shadow ray for every other interpolated pixel, its place on the light stratified over blocks of 4x4 pixels. Where it
 /// contradicts the interpolation, the pixel is traced, and its neighbours as long as they too were wrong.
 fn verify(
     view: &View,
@@ -191,20 +214,34 @@ fn verify(
         let gain = rule.gain(i);
         gain > tolerance.error * rule.reference(i, value)
     };
-    let sure = |v: f32| !(SURELY_DARK..=SURELY_LIT).contains(&v);
-    let doubtful: Vec<(Pixel, bool)> = (0..size.n_pixels())
-        .filter(|&i| view.sites.values()[i].is_some() && !visibility.is_traced(i) && sure(visibility.values[i]) && matters(i, visibility.values[i]))
-        .map(|i| (size.pixel(i), visibility.values[i] > 0.5))
-        .collect();
-    let frame = account.frame;
-    let contradicted = account.overhead(&doubtful, |&(pixel, is_lit), work| {
-        frame.at(pixel, work, |point, _, work| {
-            let in_block = (pixel.y % 4) * 4 + pixel.x % 4;
-            let block = u64::from(pixel.y / 4) << 32 | u64::from(pixel.x / 4);
-            shader.probe(light, &point.facing, in_block, block, work).is_some_and(|free| free != is_lit)
-        })
+    let surfaces = account.frame.surfaces().values();
+    let rows: Vec<u32> = (0..size.height).collect();
+    let contradicted = account.overhead(&rows, |&y, work| {
+        let mut contradicted = Vec::new();
+        for pixel in (0..size.width).map(|x| Pixel { x, y }) {
+            let i = size.index(pixel);
+            let value = visibility.values[i];
+            let is_sure = !(SURELY_DARK..=SURELY_LIT).contains(&value);
+            // Every other pixel, as on a chessboard.
+            if (pixel.x + pixel.y) % 2 == 1 {
+                continue;
+            }
+            let (Some(site), Some(surface)) = (&view.sites.values()[i], &surfaces[i]) else {
+                continue;
+            };
+            if is_sure && !visibility.is_traced(i) && matters(i, value) {
+                let in_block = (pixel.y % 4) * 2 + pixel.x % 4 / 2;
+                let block = u64::from(pixel.y / 4) << 32 | u64::from(pixel.x / 4);
+                let facing = surface.facing(site.normal.into());
+                let free = shader.probe(light, &facing, in_block, block, work);
+                if free.is_some_and(|free| free != (value > 0.5)) {
+                    contradicted.push(pixel);
+                }
+            }
+        }
+        contradicted
     })?;
-    let mut wave: Vec<Pixel> = doubtful.iter().zip(contradicted).filter(|(_, c)| *c).map(|((p, _), _)| *p).collect();
+    let mut wave = contradicted.concat();
     while !wave.is_empty() {
         let values = account.pixels(Component::Direct, &wave, |point, stream, work| {
             shader.visibility(light, &point.facing, stream, work)
@@ -217,7 +254,10 @@ fn verify(
             visibility.reasons[i] = Reason::Verification;
             if rule.gain(i) * wrong_by > tolerance.error * rule.reference(i, value) {
                 for y in pixel.y.saturating_sub(DOUBT)..(pixel.y + DOUBT + 1).min(size.height) {
-                    next.extend((pixel.x.saturating_sub(DOUBT)..(pixel.x + DOUBT + 1).min(size.width)).map(|x| Pixel { x, y }));
+                    next.extend(
+                        (pixel.x.saturating_sub(DOUBT)..(pixel.x + DOUBT + 1).min(size.width))
+                            .map(|x| Pixel { x, y }),
+                    );
                 }
             }
         }
@@ -231,4 +271,3 @@ fn verify(
     }
     Ok(())
 }
-

@@ -7,7 +7,7 @@ use super::direct::Direct;
 use super::{Account, COARSEST, View};
 
 /// The estimate is band-limited by its own radius: samples closer than this share of it say nothing new.
-const SPACING_PER_RADIUS: f32 = 1.0 / 3.0;
+const SPACING_PER_RADIUS: f32 = 0.5;
 
 /// Indirect irradiance at every pixel.
 #[derive(Debug)]
@@ -63,6 +63,11 @@ impl Indirect {
         self.floor
     }
 
+    /// Halves the spacing of samples.
+    pub(crate) fn tighten(&mut self) {
+        self.spacing.iter_mut().for_each(|s| *s = (*s / 2).max(1));
+    }
+
     pub(crate) fn refine(
         &mut self,
         view: &View,
@@ -81,7 +86,8 @@ impl Indirect {
                 self.view.gain(index)
             }
             fn reference(&self, index: usize, predicted: Rgb) -> f32 {
-                self.floor + (self.direct.luminance(index) + predicted.luminance()) * self.view.gain(index)
+                self.floor
+                    + (self.direct.luminance(index) + predicted.luminance()) * self.view.gain(index)
             }
             fn spacing(&self, index: usize) -> u32 {
                 self.spacing[self.view.cell(index)]
@@ -89,10 +95,17 @@ impl Indirect {
         }
         let rule = IndirectRule { view, direct, spacing: &self.spacing, floor: self.floor };
         let shader = account.frame.shader();
-        refine(&view.lattice, &mut self.layer, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
-            account.pixels(Component::Indirect, pixels, |point, _, work| {
-                shader.indirect_estimate(&point.facing, work).irradiance
-            })
-        })
+        refine(
+            &view.lattice,
+            &mut self.layer,
+            COARSEST,
+            &rule,
+            tolerance,
+            &mut |pixels: &[Pixel]| {
+                account.pixels(Component::Indirect, pixels, |point, _, work| {
+                    shader.indirect_estimate(&point.facing, work).irradiance
+                })
+            },
+        )
     }
 }

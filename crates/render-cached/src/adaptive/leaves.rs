@@ -1,9 +1,14 @@
-//! The ends of specular chains: looked up in the primary view where it shows them, traced elsewhere.
+//! The ends of specular chains.
+//!
+//! Irradiance doesn't depend on who looks: an end that the eye sees directly as well is looked up in the finished
+//! primary view. The others form pictures of their own, one for each sequence of reflections and transmissions (what a
+//! mirror shows, what is seen through two sides of a glass ...), which are refined like the primary view.
 
-use base::{Component, Grid, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
-use cache_map::{Reason, SurfacePoint, same_surface};
+use base::{Component, Grid, ImageSize, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
+use cache_map::{Lattice, Layer, Reason, Rule, SurfacePoint, Tolerance, refine, same_surface};
 use geometry::Surface;
-use shade::PixelStream;
+use glam::Vec2;
+use shade::{PixelStream, Shader, Work};
 
 use super::caustic::Caustic;
 use super::direct::Direct;
@@ -11,22 +16,46 @@ use super::indirect::Indirect;
 use super::{Account, View};
 use crate::frame::Frame;
 
+/// The widest spacing in the picture of a path.
+const COARSEST: u32 = 8;
+
+/// Paths seen in fewer pixels are traced.
+const FEWEST: usize = 64;
+
 /// A diffuse surface at the end of a chain.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
     pixel: u32,
+    path: u64,
     /// What is left on the way to the eye, times albedo over pi.
     weight: Rgb,
     surface: Surface,
     stream: PixelStream,
 }
 
+impl Leaf {
+    fn site(&self) -> SurfacePoint {
+        let Surface { position, shading_normal, .. } = self.surface;
+        SurfacePoint { position: position.into(), normal: shading_normal.into() }
+    }
+
+    fn irradiance(&self, shader: &Shader<'_>, work: &mut Work) -> Rgb {
+        let lights = 0..shader.scene.lights.len();
+        let direct: Rgb =
+            lights.map(|l| shader.irradiance_from(l, &self.surface, self.stream, work)).sum();
+        direct
+            + shader.indirect_estimate(&self.surface, work).irradiance
+            + shader.caustic_estimate(&self.surface, work).irradiance
+    }
+}
+
 /// All specular chains of a picture.
 #[derive(Debug)]
 pub(crate) struct Leaves {
+    /// Sorted by path, then by pixel.
     leaves: Vec<Leaf>,
-    /// Irradiance at the leaves that were traced.
-    traced: Vec<Option<Rgb>>,
+    /// Irradiance at the leaves that were traced, and why.
+    traced: Vec<Option<(Rgb, Reason)>>,
     /// What surfaces emit and what lies beyond the scene, by pixel.
     emitted: Grid<Rgb>,
     radiance: Grid<Rgb>,
@@ -34,11 +63,19 @@ pub(crate) struct Leaves {
 
 impl Leaves {
     /// Follows all chains.
-    pub(crate) fn start(frame: &Frame<'_>, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
+    pub(crate) fn start(
+        frame: &Frame<'_>,
+        account: &mut Account<'_, '_>,
+    ) -> Result<Self, Interrupted> {
         let size = frame.size();
         let shader = frame.shader();
+        let materials = &shader.scene.materials;
         let mut pixels = frame.surface_pixels();
-        pixels.retain(|&p| frame.point(p).is_some_and(|point| point.material.is_specular()));
+        pixels.retain(|&p| {
+            frame.surfaces()[p]
+                .as_ref()
+                .is_some_and(|s| materials[s.material.0 as usize].is_specular())
+        });
         let chains = account.pixels(Component::Specular, &pixels, |point, stream, work| {
             let mut emitted = Rgb::BLACK;
             let mut leaves = Vec::new();
@@ -48,25 +85,23 @@ impl Leaves {
                     emitted += leaf.weight * end.emitted();
                     if end.material.is_diffuse() {
                         let weight = leaf.weight * end.material.albedo * FRAC_1_PI;
-                        leaves.push(Leaf { pixel: 0, weight, surface: end.facing, stream: leaf.stream });
+                        let (path, stream) = (leaf.path, leaf.stream);
+                        leaves.push(Leaf { pixel: 0, path, weight, surface: end.facing, stream });
                     }
                 }
             });
             (emitted, leaves)
         })?;
-        let mut all = Self {
-            leaves: Vec::new(),
-            traced: Vec::new(),
-            emitted: Grid::from_fn(size, |_| Rgb::BLACK),
-            radiance: Grid::from_fn(size, |_| Rgb::BLACK),
-        };
-        for (&pixel, (emitted, leaves)) in pixels.iter().zip(chains) {
-            all.emitted[pixel] = emitted;
-            let index = size.index(pixel) as u32;
-            all.leaves.extend(leaves.into_iter().map(|leaf| Leaf { pixel: index, ..leaf }));
+        let mut leaves = Vec::with_capacity(chains.iter().map(|c| c.1.len()).sum());
+        let mut emitted = Grid::from_fn(size, |_| Rgb::BLACK);
+        for (&pixel, (sum, ends)) in pixels.iter().zip(chains) {
+            emitted[pixel] = sum;
+            let pixel = size.index(pixel) as u32;
+            leaves.extend(ends.into_iter().map(|leaf| Leaf { pixel, ..leaf }));
         }
-        all.traced = vec![None; all.leaves.len()];
-        Ok(all)
+        leaves.sort_unstable_by_key(|leaf| (leaf.path, leaf.pixel));
+        let traced = vec![None; leaves.len()];
+        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted })
     }
 
     pub(crate) fn radiance(&self, index: usize) -> Rgb {
@@ -77,8 +112,8 @@ impl Leaves {
     pub(crate) fn reasons(&self) -> Vec<Reason> {
         let mut reasons = vec![Reason::Interpolated; self.radiance.values().len()];
         for (leaf, traced) in self.leaves.iter().zip(&self.traced) {
-            if traced.is_some() {
-                reasons[leaf.pixel as usize] = Reason::NoNeighbours;
+            if let Some((_, reason)) = traced {
+                reasons[leaf.pixel as usize] = *reason;
             }
         }
         reasons
@@ -91,63 +126,192 @@ impl Leaves {
         direct: &Direct,
         indirect: &Indirect,
         caustic: &Caustic,
+        tolerance: Tolerance,
         account: &mut Account<'_, '_>,
     ) -> Result<(), Interrupted> {
         let shader = account.frame.shader();
-        let camera = &shader.scene.camera;
+        let found = account.overhead(&self.leaves, |leaf, _| {
+            look_up(shader, leaf, view, direct, indirect, caustic)
+        })?;
+        // What is known of a pixel's radiance is what errors in the rest are measured against.
         let size = view.size();
-        let looked_up = account.overhead(&self.leaves, |leaf, _| {
-            let at = camera.project(size, leaf.surface.position)? - 0.5;
-            let low = at.floor();
-            let inside = low.cmpge(glam::Vec2::ZERO).all() && low.x + 1.0 < size.width as f32 && low.y + 1.0 < size.height as f32;
-            if !inside {
-                return None;
+        let mut known: Vec<f32> = self.emitted.values().iter().map(|e| e.luminance()).collect();
+        for (leaf, found) in self.leaves.iter().zip(&found) {
+            known[leaf.pixel as usize] += found.map_or(0.0, |e| (leaf.weight * e).luminance());
+        }
+
+        let mut irradiance: Vec<Rgb> = found.iter().map(|f| f.unwrap_or(Rgb::BLACK)).collect();
+        let mut few = Vec::new();
+        let mut first = 0;
+        for image in self.leaves.chunk_by(|a, b| a.path == b.path) {
+            let range = first..first + image.len();
+            first = range.end;
+            let missing: Vec<usize> =
+                range.clone().filter(|&i| found[i].is_none() && self.traced[i].is_none()).collect();
+            if missing.len() < FEWEST {
+                few.extend(missing);
+                continue;
             }
-            let (x, y) = (low.x as u32, low.y as u32);
-            let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| Pixel { x: x + dx, y: y + dy });
-            let end = SurfacePoint {
-                position: leaf.surface.position.into(),
-                normal: leaf.surface.shading_normal.into(),
-            };
-            if !corners.iter().all(|&c| view.sites[c].as_ref().is_some_and(|site| same_surface(site, &end))) {
-                return None;
+            let image = Image::new(&self.leaves, range, size);
+            let layer = image.refine(
+                &self.leaves,
+                &found,
+                &self.traced,
+                &known,
+                indirect.floor(),
+                tolerance,
+                account,
+            )?;
+            for (at, &leaf) in image.leaf_at.iter().enumerate().filter(|(_, leaf)| **leaf != NONE) {
+                let leaf = leaf as usize;
+                irradiance[leaf] = layer.values[at];
+                if layer.is_traced(at) && found[leaf].is_none() {
+                    self.traced[leaf] = Some((layer.values[at], layer.reasons[at]));
+                }
             }
-            let f = at - low;
-            let weights = [(1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y];
-            let indices = corners.map(|c| size.index(c));
-            let mix = |value: &dyn Fn(usize) -> Rgb| -> Rgb {
-                indices.iter().zip(weights).map(|(&i, w)| value(i) * w).sum()
-            };
-            let mut irradiance = mix(&|i| indirect.irradiance(i) + caustic.irradiance(i));
-            if let Some((_, rest)) = direct.rest() {
-                irradiance += mix(&|i| rest.values[i]);
-            }
-            for cached in direct.lights() {
-                let unshadowed = shader
-                    .light(cached.light)
-                    .unshadowed_irradiance(leaf.surface.position, leaf.surface.shading_normal)?;
-                let values = &cached.visibility.values;
-                let visibility: f32 = indices.iter().zip(weights).map(|(&i, w)| values[i] * w).sum();
-                irradiance += unshadowed * visibility;
-            }
-            Some(irradiance)
-        })?;
-        let missing: Vec<usize> =
-            (0..self.leaves.len()).filter(|&i| looked_up[i].is_none() && self.traced[i].is_none()).collect();
+        }
         let leaves = &self.leaves;
-        let values = account.items(Component::Specular, &missing, |&i, work| {
-            let Leaf { surface, stream, .. } = &leaves[i];
-            let lights = 0..shader.scene.lights.len();
-            let direct: Rgb = lights.map(|light| shader.irradiance_from(light, surface, *stream, work)).sum();
-            direct + shader.indirect_estimate(surface, work).irradiance + shader.caustic_estimate(surface, work).irradiance
-        })?;
-        missing.iter().zip(values).for_each(|(&i, value)| self.traced[i] = Some(value));
+        let values = account
+            .items(Component::Specular, &few, |&i, work| leaves[i].irradiance(shader, work))?;
+        few.iter()
+            .zip(values)
+            .for_each(|(&i, value)| self.traced[i] = Some((value, Reason::NoNeighbours)));
 
         self.radiance = self.emitted.clone();
         for (i, leaf) in self.leaves.iter().enumerate() {
-            let irradiance = self.traced[i].or(looked_up[i]).expect("what wasn't looked up was traced");
-            self.radiance.values_mut()[leaf.pixel as usize] += leaf.weight * irradiance;
+            let value = self.traced[i].map_or(irradiance[i], |traced| traced.0);
+            self.radiance.values_mut()[leaf.pixel as usize] += leaf.weight * value;
         }
         Ok(())
+    }
+}
+
+/// Irradiance at a leaf from the four pixels around its place in the primary view, if all show its surface.
+fn look_up(
+    shader: &Shader<'_>,
+    leaf: &Leaf,
+    view: &View,
+    direct: &Direct,
+    indirect: &Indirect,
+    caustic: &Caustic,
+) -> Option<Rgb> {
+    let size = view.size();
+    let Surface { position, shading_normal, .. } = leaf.surface;
+    let at = shader.scene.camera.project(size, position)? - 0.5;
+    let low = at.floor();
+    let last = Vec2::new(size.width as f32, size.height as f32) - 1.0;
+    if low.cmplt(Vec2::ZERO).any() || low.cmpge(last).any() {
+        return None;
+    }
+    let (x, y) = (low.x as u32, low.y as u32);
+    let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| Pixel { x: x + dx, y: y + dy });
+    let site = leaf.site();
+    if !corners.iter().all(|&c| view.sites[c].as_ref().is_some_and(|s| same_surface(s, &site))) {
+        return None;
+    }
+    let f = at - low;
+    let weights = [(1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y];
+    let corners = corners.map(|c| size.index(c));
+    let mix = |value: &dyn Fn(usize) -> Rgb| -> Rgb {
+        corners.iter().zip(weights).map(|(&i, w)| value(i) * w).sum()
+    };
+    let mut irradiance = mix(&|i| indirect.irradiance(i) + caustic.irradiance(i));
+    if let Some(rest) = direct.rest() {
+        irradiance += mix(&|i| rest.values[i]);
+    }
+    for cached in direct.lights() {
+        let values = &cached.visibility.values;
+        let visibility: f32 = corners.iter().zip(weights).map(|(&i, w)| values[i] * w).sum();
+        if visibility > 0.0 {
+            let light = shader.light(cached.light);
+            irradiance += light.unshadowed_irradiance(position, shading_normal)? * visibility;
+        }
+    }
+    Some(irradiance)
+}
+
+/// Where a picture has no leaf.
+const NONE: u32 = u32::MAX;
+
+/// The picture that the leaves of one path form, cut to where it shows anything.
+struct Image {
+    size: ImageSize,
+    /// The leaf of each pixel, or [`NONE`].
+    leaf_at: Vec<u32>,
+}
+
+impl Image {
+    fn new(leaves: &[Leaf], range: std::ops::Range<usize>, whole: ImageSize) -> Self {
+        let pixels = || leaves[range.clone()].iter().map(|leaf| whole.pixel(leaf.pixel as usize));
+        let (mut low, mut high) = (Pixel { x: u32::MAX, y: u32::MAX }, Pixel { x: 0, y: 0 });
+        for p in pixels() {
+            low = Pixel { x: low.x.min(p.x), y: low.y.min(p.y) };
+            high = Pixel { x: high.x.max(p.x), y: high.y.max(p.y) };
+        }
+        let size = ImageSize { width: high.x - low.x + 1, height: high.y - low.y + 1 };
+        let mut leaf_at = vec![NONE; size.n_pixels()];
+        for (i, p) in range.clone().zip(pixels()) {
+            leaf_at[size.index(Pixel { x: p.x - low.x, y: p.y - low.y })] = i as u32;
+        }
+        Self { size, leaf_at }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "all that is known of the leaves, each once")]
+    fn refine(
+        &self,
+        leaves: &[Leaf],
+        found: &[Option<Rgb>],
+        traced: &[Option<(Rgb, Reason)>],
+        known: &[f32],
+        floor: f32,
+        tolerance: Tolerance,
+        account: &mut Account<'_, '_>,
+    ) -> Result<Layer<Rgb>, Interrupted> {
+        let sites =
+            self.leaf_at.iter().map(|&i| (i != NONE).then(|| leaves[i as usize].site())).collect();
+        let lattice = Lattice::new(&Grid::from_values(self.size, sites), COARSEST);
+        let mut layer = Layer::new(self.leaf_at.len());
+        for (at, &i) in self.leaf_at.iter().enumerate().filter(|(_, i)| **i != NONE) {
+            // What was looked up needs no tracing, and serves as a neighbour.
+            let value =
+                found[i as usize].map(|value| (value, Reason::Lattice)).or(traced[i as usize]);
+            if let Some((value, reason)) = value {
+                (layer.values[at], layer.reasons[at]) = (value, reason);
+            }
+        }
+        let rule = LeafRule { image: self, leaves, known, floor };
+        let shader = account.frame.shader();
+        refine(&lattice, &mut layer, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
+            account.items(Component::Specular, pixels, |&pixel, work| {
+                leaves[self.leaf_at[self.size.index(pixel)] as usize].irradiance(shader, work)
+            })
+        })?;
+        Ok(layer)
+    }
+}
+
+struct LeafRule<'x> {
+    image: &'x Image,
+    leaves: &'x [Leaf],
+    known: &'x [f32],
+    floor: f32,
+}
+
+impl LeafRule<'_> {
+    fn leaf(&self, index: usize) -> &Leaf {
+        &self.leaves[self.image.leaf_at[index] as usize]
+    }
+}
+
+impl Rule<Rgb> for LeafRule<'_> {
+    fn gain(&self, index: usize) -> f32 {
+        self.leaf(index).weight.luminance()
+    }
+    fn reference(&self, index: usize, predicted: Rgb) -> f32 {
+        let leaf = self.leaf(index);
+        self.floor + self.known[leaf.pixel as usize] + (leaf.weight * predicted).luminance()
+    }
+    fn spacing(&self, _: usize) -> u32 {
+        COARSEST
     }
 }

@@ -14,7 +14,7 @@ pub(crate) struct View {
     pub(crate) sites: Grid<Option<SurfacePoint>>,
     pub(crate) lattice: Lattice,
     albedo: Vec<Rgb>,
-    /// Pixels that a unit of length on the surface spans, the way it spans fewest.
+    /// Pixels that a unit of length on the surface spans.
     pixels_per_unit: Vec<f32>,
 }
 
@@ -23,17 +23,26 @@ impl View {
         let size = frame.size();
         let camera = &frame.shader().scene.camera;
         let pixel_angle = camera.pixel_extent(size);
-        let found: Vec<_> = (0..size.n_pixels())
-            .into_par_iter()
+        let eye = camera.origin();
+        let materials = &frame.shader().scene.materials;
+        let found: Vec<_> = (frame.surfaces().values().par_iter())
             .with_min_len(4096)
-            .map(|i| {
-                let point = frame.point(size.pixel(i)).filter(|p| p.material.is_diffuse())?;
-                let facing = point.facing;
-                let site =
-                    SurfacePoint { position: facing.position.into(), normal: facing.shading_normal.into() };
-                let slant = facing.shading_normal.dot(point.w_o).clamp(0.02, 1.0);
+            .map(|surface| {
+                let surface = surface.as_ref()?;
+                let material = &materials[surface.material.0 as usize];
+                if !material.is_diffuse() {
+                    return None;
+                }
+                let to_eye = eye - surface.position;
+                let facing = surface.facing(to_eye);
+                let site = SurfacePoint {
+                    position: facing.position.into(),
+                    normal: facing.shading_normal.into(),
+                };
+                // A slanted surface is foreshortened one way only: the mean of both ways is the root.
+                let slant = (facing.shading_normal.dot(to_eye) / to_eye.length()).clamp(0.02, 1.0);
                 let depth = camera.depth(facing.position).max(f32::MIN_POSITIVE);
-                Some((site, point.material.albedo, slant / (depth * pixel_angle)))
+                Some((site, material.albedo, slant.sqrt() / (depth * pixel_angle)))
             })
             .collect();
         let sites = Grid::from_values(size, found.iter().map(|f| f.map(|f| f.0)).collect());
