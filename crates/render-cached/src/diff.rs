@@ -18,7 +18,7 @@ pub(crate) fn diff(args: &Diff) -> anyhow::Result<()> {
     if let Some(path) = &args.output {
         if Format::of(path).ok() != Some(Format::Png) {
             bail!(WrongUsage(format!(
-                "the picture of a difference is a PNG; end {} in .png",
+                "the picture of a difference is a PNG; end its name in .png, unlike {}",
                 path.display()
             )));
         }

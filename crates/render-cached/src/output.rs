@@ -54,6 +54,8 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
         Mode::Adaptive => {
             option("--mode", "adaptive".into());
             option("--error", args.error.to_string());
+            // The error is that of what is shown.
+            option("--exposure", args.exposure.to_string());
         }
         Mode::Paper => {
             length("--r0", paper.r0);

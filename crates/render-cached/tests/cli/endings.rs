@@ -1,0 +1,66 @@
+//! How the program ends when nobody listens, and when it is interrupted.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use assert_cmd::assert::OutputAssertExt;
+
+use crate::bench::{Bench, MODES, SMALL};
+
+#[test]
+fn nobody_needs_to_listen() {
+    let bench = Bench::new();
+    bench.render("-o a.exr");
+    let render = format!("$PROGRAM {SMALL} -o b.exr --force -v");
+    let shell = |script: &str| {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]).current_dir(bench.path("")).env_remove("TETRALUX_THREADS");
+        command.env("PROGRAM", env!("CARGO_BIN_EXE_render-cached"));
+        command
+    };
+    for script in [
+        "$PROGRAM diff a.exr a.exr >&-",
+        "{ sleep 0.1; $PROGRAM diff a.exr a.exr; echo $? >code; } | head -c 0; exit $(cat code)",
+        &format!("{render} 2>&-"),
+        &format!("{render} 2>/dev/full"),
+        &format!("{render} <&- >&- 2>&-"),
+        &format!("{{ sleep 0.1; {render}; echo $? >code; }} 2>&1 | head -c 0; exit $(cat code)"),
+    ] {
+        shell(script).assert().success().stdout("").stderr("");
+    }
+    shell("$PROGRAM diff a.exr a.exr >/dev/full").assert().code(1).stderr(
+        "render-cached: cannot write to standard output: No space left on device (os error 28)\n",
+    );
+    shell("$PROGRAM 2>/dev/full").assert().code(2);
+    shell("$PROGRAM diff a.exr none.exr 2>&-").assert().code(1);
+}
+
+#[test]
+fn interrupts_leave_nothing() {
+    let bench = Bench::new();
+    bench.write("old.exr", "precious");
+    let before = bench.files();
+    // Hours of work, of which single pixels take long.
+    let long = "scene.toml --photons a.photons --resolution 1000x1000 --shadow-rays 65536 -o old.exr -o a.png --force -v";
+    for mode in MODES {
+        let mut child = bench
+            .command(&format!("{long} --mode {mode} --stats a.json"))
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+        // Scene and maps are loaded.
+        assert!(said.next().unwrap().contains("caustic photons"));
+        std::thread::sleep(Duration::from_millis(400));
+        let start = Instant::now();
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
+        let status = child.wait().unwrap();
+        let elapsed = start.elapsed();
+        assert_eq!(status.code(), Some(130), "{mode}");
+        assert_eq!(said.last().unwrap(), "render-cached: no picture was written: interrupted");
+        assert!(elapsed < Duration::from_secs(1), "{mode}: {elapsed:?}");
+        assert!(bench.files() == before, "{mode}");
+    }
+}

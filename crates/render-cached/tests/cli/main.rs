@@ -1,0 +1,14 @@
+//! The program as its users meet it: command lines, files, messages, exit codes, pictures.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+#![cfg(target_os = "linux")] // Full devices, small disks and limits are made in its ways.
+
+mod bench;
+mod caches;
+mod degenerate;
+mod diff;
+mod endings;
+mod maps;
+mod outputs;
+mod pictures;
+mod usage;
