@@ -6,8 +6,13 @@ use scene::{Material, Transport};
 
 use crate::{PixelStream, Shader, ShadingPoint, Work};
 
-/// Branches that carry less than this are followed by chance, with their weight raised in return.
-const FOLLOW_ALWAYS: f32 = 0.02;
+/// Branches that carry less than this are followed by chance, with their weight raised in return. A ray costs little, and
+/// one that finds a lamp by chance is a bright dot: so this is small.
+const FOLLOW_ALWAYS: f32 = 0.001;
+
+/// Diffuse surfaces of which less than this is seen are shaded by chance, likewise. Shading costs as much as a hundred
+/// rays, and diffuse surfaces are never as bright as lamps.
+const SHADE_ALWAYS: f32 = 0.02;
 
 /// The longest chain. Only surfaces that lose nothing make such; they are counted.
 const MAX_LENGTH: u32 = 128;
@@ -17,8 +22,10 @@ const MAX_LENGTH: u32 = 128;
 pub struct ChainLeaf<'a> {
     /// The surface, or nothing where the chain left the scene.
     pub point: Option<ShadingPoint<'a>>,
-    /// What is left on the way to the eye of radiance that leaves the surface.
+    /// What is left on the way to the eye of radiance that is emitted here, or comes from beyond the scene.
     pub weight: Rgb,
+    /// The same for diffusely scattered radiance, if it is to be computed: this isn't always so where little is left.
+    pub diffuse_weight: Option<Rgb>,
     /// The stream for shading it.
     pub stream: PixelStream,
     /// A digest of the reflections and transmissions on the way. Of the leaves of a pixel no two share it.
@@ -55,7 +62,8 @@ impl<'a> Shader<'a> {
             let stream = stream.part(n_leaves);
             let Some((point, distance)) = self.arrive(&branch.ray) else {
                 let Branch { weight, path, .. } = branch;
-                arrive(ChainLeaf { point: None, weight, stream, path }, work);
+                let leaf = ChainLeaf { point: None, weight, diffuse_weight: None, stream, path };
+                arrive(leaf, work);
                 continue;
             };
             let inside = is_inside(&point.surface, &point);
@@ -66,7 +74,13 @@ impl<'a> Shader<'a> {
             };
             let weight =
                 branch.weight * through.map_or(Rgb::ONE, |glass| glass.transmittance(distance));
-            arrive(ChainLeaf { point: Some(point), weight, stream, path: branch.path }, work);
+            let diffuse_weight = if point.material.is_diffuse() {
+                keep(weight, (weight * point.material.albedo).max_channel(), SHADE_ALWAYS, &mut rng)
+            } else {
+                None
+            };
+            let path = branch.path;
+            arrive(ChainLeaf { point: Some(point), weight, diffuse_weight, stream, path }, work);
             if branch.length < MAX_LENGTH {
                 let Branch { medium, length, path, .. } = branch;
                 scatter(&point, Origin { weight, medium, length, path }, &mut rng, &mut branches);
@@ -79,6 +93,15 @@ impl<'a> Shader<'a> {
 
 fn is_inside(surface: &Surface, point: &ShadingPoint<'_>) -> bool {
     point.w_o.dot(surface.geometric_normal) < 0.0
+}
+
+/// Roulette on a weight of the given size: unchanged if it is large enough, else raised to that size, or nothing.
+fn keep(weight: Rgb, size: f32, large_enough: f32, rng: &mut Rng) -> Option<Rgb> {
+    if size >= large_enough {
+        return Some(weight);
+    }
+    let p = size / large_enough;
+    (rng.next_f32() < p).then(|| weight / p)
 }
 
 /// What a surface passes on to the branches that leave it.
@@ -99,15 +122,8 @@ fn scatter<'a>(
     for bounce in
         at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance).into_iter().flatten()
     {
-        let mut weight = from.weight * bounce.weight;
-        let largest = weight.max_channel();
-        if largest < FOLLOW_ALWAYS {
-            let p = largest / FOLLOW_ALWAYS;
-            if rng.next_f32() >= p {
-                continue;
-            }
-            weight = weight / p;
-        }
+        let weight = from.weight * bounce.weight;
+        let Some(weight) = keep(weight, weight.max_channel(), FOLLOW_ALWAYS, rng) else { continue };
         let medium = match bounce.transmitted {
             true if is_inside(&at.surface, at) => None,
             true => Some(at.material),

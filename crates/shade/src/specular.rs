@@ -13,16 +13,15 @@ impl Shader<'_> {
         }
         let mut sum = Rgb::BLACK;
         self.chain(at, stream, work, |leaf, work| {
-            let radiance = match &leaf.point {
-                None => self.background(),
-                Some(point) => {
-                    point.emitted()
-                        + self.direct(point, leaf.stream, work)
-                        + self.indirect(point, work)
-                        + self.caustic(point, work)
-                }
+            let Some(point) = &leaf.point else {
+                sum += self.background() * leaf.weight;
+                return;
             };
-            sum += radiance * leaf.weight;
+            sum += point.emitted() * leaf.weight;
+            if let Some(weight) = leaf.diffuse_weight {
+                let direct = self.direct(point, leaf.stream, work);
+                sum += (direct + self.indirect(point, work) + self.caustic(point, work)) * weight;
+            }
         });
         sum
     }

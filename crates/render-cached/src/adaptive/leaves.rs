@@ -83,8 +83,8 @@ impl Leaves {
                 None => emitted += leaf.weight * shader.background(),
                 Some(end) => {
                     emitted += leaf.weight * end.emitted();
-                    if end.material.is_diffuse() {
-                        let weight = leaf.weight * end.material.albedo * FRAC_1_PI;
+                    if let Some(weight) = leaf.diffuse_weight {
+                        let weight = weight * end.material.albedo * FRAC_1_PI;
                         let (path, stream) = (leaf.path, leaf.stream);
                         leaves.push(Leaf { pixel: 0, path, weight, surface: end.facing, stream });
                     }

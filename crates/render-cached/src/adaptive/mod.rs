@@ -26,6 +26,9 @@ pub(crate) use view::View;
 /// The widest spacing of a lattice, in pixels.
 const COARSEST: u32 = 16;
 
+/// The part of the error that indirect light may make.
+const INDIRECT_SHARE: f32 = 0.85;
+
 /// How often what failed is refined again.
 const MAX_ROUNDS: usize = 4;
 
@@ -60,8 +63,11 @@ pub(crate) fn render(
     };
     let mut tolerance = tolerances(&strictness);
     direct.refine(&view, &indirect, tolerance.direct, &mut account)?;
+    let k = frame.shader().settings.indirect.k;
+    indirect.aim(&view, &direct, INDIRECT_SHARE * args.error, k);
     indirect.refine(&view, &direct, tolerance.indirect, &mut account)?;
     caustic.refine(&view, &direct, &indirect, tolerance.caustic, &mut account)?;
+    let target = f64::from(args.error);
     let mut round = 0;
     let error = loop {
         specular.resolve(&view, &direct, &indirect, &caustic, tolerance.specular, &mut account)?;
@@ -77,7 +83,7 @@ pub(crate) fn render(
         };
         let report = holdout::measure(args, frame, &compose, round, &mut account)?;
         round += 1;
-        if report.estimate.measured_mean <= f64::from(args.error) || round == MAX_ROUNDS {
+        if report.estimate.measured_mean <= target || round == MAX_ROUNDS {
             break report.estimate;
         }
         strictness[report.worst] *= 0.5;
@@ -85,7 +91,7 @@ pub(crate) fn render(
         match report.worst {
             Component::Direct => direct.refine(&view, &indirect, tolerance.direct, &mut account)?,
             Component::Indirect => {
-                indirect.tighten();
+                indirect.tighten((report.estimate.measured_mean / target) as f32);
                 indirect.refine(&view, &direct, tolerance.indirect, &mut account)?;
             }
             Component::Caustic => {
