@@ -1,11 +1,12 @@
 //! The balanced kd-tree.
 
 use base::Photon;
+use bytemuck::Zeroable;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::flux;
-use crate::set::{LEAF, Leaf, PhotonSet};
+use crate::set::{LEAF, Leaf, LeafBox, PhotonSet};
 
 /// What the build moves around: a position and where the photon was.
 #[derive(Clone, Copy)]
@@ -30,47 +31,35 @@ pub(crate) fn build(photons: &[Photon]) -> PhotonSet {
 
     let largest = photons.par_iter().map(|p| p.flux.max_channel()).reduce(|| 0.0, f32::max);
     let flux_scale = if largest > 0.0 { largest / flux::MAX } else { 1.0 };
-    let mut leaves = vec![Leaf { min: [0.0; 3], step: [0.0; 3] }; n_leaves];
-    let mut positions = vec![0_u16; n_leaves * 3 * LEAF];
-    let (mut fluxes, mut normals) = (vec![0_u32; photons.len()], vec![0_u16; photons.len()]);
-    (items.par_chunks_mut(LEAF), leaves.par_iter_mut(), positions.par_chunks_mut(3 * LEAF))
+    let (mut boxes, mut leaves) =
+        (vec![LeafBox::zeroed(); n_leaves], vec![Leaf::zeroed(); n_leaves]);
+    (items.par_chunks_mut(LEAF), boxes.par_iter_mut(), leaves.par_iter_mut())
         .into_par_iter()
-        .zip((fluxes.par_chunks_mut(LEAF), normals.par_chunks_mut(LEAF)).into_par_iter())
-        .for_each(|((items, leaf, positions), (fluxes, normals))| {
+        .for_each(|(items, around, leaf)| {
             // Partitioning leaves an order of its own: this one is known from the photons alone.
             items.sort_unstable_by_key(|item| item.index);
-            *leaf = quantize(items, positions);
+            quantize(items, around, leaf);
             for (lane, item) in items.iter().enumerate() {
                 let photon = &photons[item.index as usize];
-                fluxes[lane] = flux::pack(photon.flux / flux_scale, item.index.into());
-                normals[lane] = photon.normal;
+                leaf.flux[lane] = flux::pack(photon.flux / flux_scale, item.index.into());
+                leaf.normals[lane] = photon.normal;
             }
         });
     PhotonSet {
         n: photons.len(),
         flux_scale,
         splits: splits.into(),
+        boxes: boxes.into(),
         leaves: leaves.into(),
-        positions: positions.into(),
-        flux: fluxes.into(),
-        normals: normals.into(),
     }
 }
 
 /// Orders the items of `n_leaves` leaves; `splits` are the planes between them.
 fn partition(items: &mut [Item], splits: &mut [f32], n_leaves: usize) {
-    let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for item in items.iter() {
-        min = min.min(item.position);
-        max = max.max(item.position);
-    }
-    let axis = (max - min).max_position();
     let middle = n_leaves / 2;
-    let (low, pivot, _) = items.select_nth_unstable_by(middle * LEAF, |a, b| {
-        a.position[axis].total_cmp(&b.position[axis]).then(a.index.cmp(&b.index))
-    });
-    splits[middle - 1] = f32::from_bits(pivot.position[axis].to_bits() & !3 | axis as u32);
-    let n_low = low.len();
+    let n_low = middle * LEAF;
+    let (axis, plane) = split(items, n_low);
+    splits[middle - 1] = f32::from_bits(plane.to_bits() & !3 | axis as u32);
     let (low, high) = items.split_at_mut(n_low);
     let (low_splits, high_splits) = splits.split_at_mut(middle - 1);
     let high_splits = &mut high_splits[1..];
@@ -92,9 +81,56 @@ fn partition(items: &mut [Item], splits: &mut [f32], n_leaves: usize) {
     }
 }
 
+/// Moves the `n_low` items that are lowest along the longest axis to the front; answers with the axis and the place of the
+/// next higher one.
+fn split(items: &mut [Item], n_low: usize) -> (usize, f32) {
+    let axis = extent(items).max_position();
+    let plane = select(items, n_low, axis);
+    let n_below = move_to_front(&mut items[..n_low], |position| position[axis] < plane);
+    if n_below < n_low {
+        // Photons of a wall that lies in the plane go to both sides. Parted at random, both would have some everywhere,
+        // and searches would have to look at both.
+        let n_above = move_to_front(&mut items[n_low..], |position| position[axis] == plane);
+        let within = &mut items[n_below..n_low + n_above];
+        let mut extent = extent(within);
+        extent[axis] = -1.0;
+        select(within, n_low - n_below, extent.max_position());
+    }
+    (axis, plane)
+}
+
+/// The sides of the box around all items.
+fn extent(items: &[Item]) -> Vec3 {
+    let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for item in items {
+        min = min.min(item.position);
+        max = max.max(item.position);
+    }
+    max - min
+}
+
+/// Moves the `n` lowest items to the front; answers with the place of the next one.
+fn select(items: &mut [Item], n: usize, axis: usize) -> f32 {
+    let (_, next, _) = items.select_nth_unstable_by(n, |a, b| {
+        a.position[axis].total_cmp(&b.position[axis]).then(a.index.cmp(&b.index))
+    });
+    next.position[axis]
+}
+
+/// Moves the items whose position passes to the front; answers how many there are.
+fn move_to_front(items: &mut [Item], passes: impl Fn(Vec3) -> bool) -> usize {
+    let mut n = 0;
+    for i in 0..items.len() {
+        if passes(items[i].position) {
+            items.swap(n, i);
+            n += 1;
+        }
+    }
+    n
+}
+
 /// Positions in steps of the box of a leaf. No rounded position leaves the box, so the planes of the tree hold.
-fn quantize(items: &[Item], positions: &mut [u16]) -> Leaf {
-    let mut leaf = Leaf { min: [0.0; 3], step: [0.0; 3] };
+fn quantize(items: &[Item], around: &mut LeafBox, leaf: &mut Leaf) {
     for axis in 0..3 {
         let coordinates = || items.iter().map(|item| item.position[axis]);
         let min = coordinates().fold(f32::INFINITY, f32::min);
@@ -103,11 +139,41 @@ fn quantize(items: &[Item], positions: &mut [u16]) -> Leaf {
         while min + 65535.0 * step > max {
             step = step.next_down();
         }
-        (leaf.min[axis], leaf.step[axis]) = (min, step.max(0.0));
+        (around.min[axis], around.step[axis]) = (min, step.max(0.0));
         for (lane, x) in coordinates().enumerate() {
-            let steps = if step > 0.0 { ((x - min) / step).round() } else { 0.0 };
-            positions[axis * LEAF + lane] = steps.min(65535.0) as u16;
+            let steps = if step > 0.0 { (x - min) / step + 0.5 } else { 0.0 };
+            leaf.positions[axis][lane] = steps.min(65535.0) as u16;
         }
     }
-    leaf
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::{Rgb, Rng, Stream};
+
+    /// On the walls of a box, which lie in planes that are split: leaves must not lie one over the other.
+    #[test]
+    fn leaves_on_a_wall_do_not_overlap() {
+        for n in [10_000, 100_000, 131_072] {
+            let mut rng = Rng::new(0, Stream::Test, n);
+            let photons: Vec<Photon> = (0..n)
+                .map(|_| {
+                    let mut place = [rng.next_f32(), rng.next_f32(), rng.next_f32()];
+                    place[rng.next_u32() as usize % 3] = (rng.next_u32() % 2) as f32;
+                    Photon { position: place.into(), normal: 0, flux: Rgb::ONE }
+                })
+                .collect();
+            let set = build(&photons);
+            let mut area = 0.0;
+            for leaf in set.boxes.iter() {
+                let [x, y, z] = leaf.step.map(|step| step * 65535.0);
+                // The few that hold photons of two walls have a volume.
+                if x * y * z == 0.0 {
+                    area += x * y + y * z + z * x;
+                }
+            }
+            assert!(area < 6.0, "{n} photons: leaves of area {area} on walls of area 6");
+        }
+    }
 }

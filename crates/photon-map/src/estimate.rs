@@ -3,17 +3,12 @@
 use base::{Rgb, decode_octahedral, math::PI};
 use glam::Vec3A;
 
-use crate::Kernel;
 use crate::set::{LEAF, PhotonSet};
-use crate::traverse::LeafView;
+use crate::{Kernel, flux};
 
 /// A photon counts for a surface only if its normal is within this cosine of the surface's (26 degrees): photons from
 /// the other side of a thin wall, or from around a corner, don't.
 const MIN_COS_NORMALS: f32 = 0.9;
-
-/// ... and only if the line to it rises from the surface by less than this sine (14.5 degrees), so that a step or a
-/// parallel surface close by doesn't count, whatever its scale.
-const MAX_SINE_HEIGHT: f32 = 0.25;
 
 /// How an estimate is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,9 +38,17 @@ pub struct Estimate {
 /// Memory that estimates reuse; one a thread.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// Squared distance and index of each candidate, in the order of the walk.
-    candidates: Vec<(f32, u32)>,
-    distances: Vec<f32>,
+    candidates: Candidates,
+    /// Room to look for the `k`-th.
+    ordered: Vec<u32>,
+}
+
+/// Photons within some distance, in the order of the walk.
+#[derive(Debug, Default)]
+struct Candidates {
+    /// Squared distances.
+    dist2: Vec<f32>,
+    indices: Vec<u32>,
 }
 
 impl PhotonSet {
@@ -83,32 +86,24 @@ impl PhotonSet {
             let growth = (2.0 * gather.k as f32 / found).sqrt().clamp(1.2, 4.0);
             search = (search * growth).min(gather.max_radius);
         }
-        let candidates = &scratch.candidates;
-        let limit2 = gather.max_radius * gather.max_radius;
-        let radius2 = if candidates.len() >= gather.k {
-            kth_smallest(candidates, gather.k, &mut scratch.distances)
-        } else {
-            limit2
+        let Scratch { candidates: Candidates { dist2, indices }, ordered } = scratch;
+        let full = dist2.len() >= gather.k;
+        let radius2 = match full {
+            true => kth_smallest(dist2, gather.k, ordered),
+            false => gather.max_radius * gather.max_radius,
         };
-        let full = candidates.len() >= gather.k;
-        let mut sum = Rgb::BLACK;
-        let mut found = 0;
-        for &(dist2, i) in candidates {
-            if dist2 < radius2 {
-                sum += self.flux_of(i as usize) * gather.kernel.weight(dist2 / radius2);
-                found += 1;
-            }
-        }
+        let (mut sum, mut found) = self.sum(dist2, indices, radius2, gather.kernel);
         // Photons at exactly the same distance as number k: the sum above has left out more than one.
         if full && found + 1 < gather.k {
-            let rim = gather.k - 1 - found;
-            let on_rim = candidates.iter().filter(|c| c.0 == radius2).take(rim);
-            sum += on_rim.map(|c| self.flux_of(c.1 as usize) * gather.kernel.weight(1.0)).sum();
+            let rim = dist2.iter().zip(indices).filter(|(d, _)| **d == radius2);
+            let rim = rim.take(gather.k - 1 - found).map(|(_, i)| self.flux_of(*i as usize));
+            sum += rim.sum::<Rgb>() * gather.kernel.weight(1.0);
+            found = gather.k - 1;
         }
         Estimate {
             irradiance: density(sum, radius2),
             radius: radius2.sqrt(),
-            found: if full { gather.k } else { found },
+            found: found + usize::from(full),
             visited,
         }
     }
@@ -122,21 +117,13 @@ impl PhotonSet {
         kernel: Kernel,
     ) -> Estimate {
         let radius2 = radius * radius;
-        let mut sum = Rgb::BLACK;
-        let (mut found, mut visited) = (0, 0);
-        self.accept(
-            point,
-            normal,
-            radius2,
-            |dist2, i| {
-                if dist2 < radius2 {
-                    sum += self.flux_of(i as usize) * kernel.weight(dist2 / radius2);
-                    found += 1;
-                }
-                None
-            },
-            &mut visited,
-        );
+        let (mut sum, mut found) = (Rgb::BLACK, 0);
+        let visited = self.accept(point, normal, radius2, |dist2, indices| {
+            let (more, n) = self.sum(dist2, indices, radius2, kernel);
+            sum += more;
+            found += n;
+            None
+        });
         Estimate { irradiance: density(sum, radius2), radius, found, visited }
     }
 
@@ -149,16 +136,10 @@ impl PhotonSet {
         max_radius: f32,
     ) -> Vec<(f32, u32)> {
         let mut all = Vec::new();
-        self.accept(
-            point,
-            normal,
-            max_radius * max_radius,
-            |dist2, i| {
-                all.push((dist2, i));
-                None
-            },
-            &mut 0,
-        );
+        self.accept(point, normal, max_radius * max_radius, |dist2, indices| {
+            all.extend(dist2.iter().copied().zip(indices.iter().copied()));
+            None
+        });
         all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         all.truncate(k);
         all
@@ -173,72 +154,111 @@ impl PhotonSet {
         k: usize,
         scratch: &mut Scratch,
     ) -> usize {
-        let Scratch { candidates, distances } = scratch;
-        candidates.clear();
-        let mut visited = 0;
+        let Scratch { candidates, ordered } = scratch;
+        candidates.keep(|_| false);
         let mut full = 3 * k + 4 * LEAF;
-        self.accept(
-            point,
-            normal,
-            bound2,
-            |dist2, i| {
-                candidates.push((dist2, i));
-                if candidates.len() < full {
-                    return None;
-                }
-                // Too many: keep those within the distance of number k, in their order.
-                let bound2 = kth_smallest(candidates, k, distances);
-                candidates.retain(|c| c.0 <= bound2);
+        self.accept(point, normal, bound2, |dist2, indices| {
+            candidates.dist2.extend_from_slice(dist2);
+            candidates.indices.extend_from_slice(indices);
+            (candidates.len() >= full).then(|| {
+                // Too many: keep those within the distance of number k.
+                let bound2 = kth_smallest(&candidates.dist2, k, ordered);
+                candidates.keep(|dist2| dist2 <= bound2);
                 full = full.max(2 * candidates.len());
-                Some(bound2)
-            },
-            &mut visited,
-        );
-        visited
+                bound2
+            })
+        })
     }
 
-    /// Calls `found` for each photon of this surface within a distance; it may answer with a smaller one.
+    /// Calls `found` with the squared distances and indices of the photons of this surface within a distance, leaf by leaf;
+    /// it may answer with a smaller one. Answers how many photons were looked at.
     #[inline(always)]
     fn accept(
         &self,
         point: Vec3A,
         normal: Vec3A,
         bound2: f32,
-        mut found: impl FnMut(f32, u32) -> Option<f32>,
-        visited: &mut usize,
-    ) {
-        let (leaves, positions, normals) = (&*self.leaves, &*self.positions, &*self.normals);
-        let mut view = LeafView::new();
-        // Neighbours mostly share their normal.
-        let mut last = (0_u16, decode_octahedral(0).dot(normal) > MIN_COS_NORMALS);
-        self.walk(point, bound2, |leaf, mut bound2| {
-            leaves[leaf].view(&positions[leaf * 3 * LEAF..], point, normal, &mut view);
+        mut found: impl FnMut(&[f32], &[u32]) -> Option<f32>,
+    ) -> usize {
+        let (boxes, leaves) = (&*self.boxes, &*self.leaves);
+        let (mut near, mut indices) = ([0.0_f32; LEAF], [0_u32; LEAF]);
+        let is_facing = |code| decode_octahedral(code).dot(normal) > MIN_COS_NORMALS;
+        // Neighbors mostly share their normal.
+        let mut last = (0, is_facing(0));
+        let mut visited = 0;
+        self.walk(point, bound2, |leaf, bound2| {
             let first = leaf * LEAF;
-            let normals = &normals[first..self.n.min(first + LEAF)];
-            *visited += normals.len();
-            for (lane, &code) in normals.iter().enumerate() {
-                let (dist2, height) = (view.dist2[lane], view.height[lane]);
-                let flat = height * height <= dist2 * (MAX_SINE_HEIGHT * MAX_SINE_HEIGHT);
-                if dist2 <= bound2 && flat {
-                    if code != last.0 {
-                        last = (code, decode_octahedral(code).dot(normal) > MIN_COS_NORMALS);
-                    }
-                    if last.1
-                        && let Some(smaller) = found(dist2, (first + lane) as u32)
-                    {
-                        bound2 = smaller;
-                    }
-                }
+            let n = LEAF.min(self.n - first);
+            visited += n;
+            let dist2 = boxes[leaf].distances(&leaves[leaf], point, normal);
+            let normals = &leaves[leaf].normals;
+            // Each photon is written, and overwritten by the next unless it counts: a branch would be mispredicted every
+            // other time. The remainders spare the bounds checks.
+            let mut n_near = 0;
+            for (lane, &dist2) in dist2[..n].iter().enumerate() {
+                near[n_near % LEAF] = dist2;
+                indices[n_near % LEAF] = lane as u32;
+                n_near += usize::from(dist2 <= bound2);
             }
-            bound2
+            let mut n_found = 0;
+            for i in 0..n_near {
+                let lane = indices[i];
+                let code = normals[lane as usize % LEAF];
+                if code != last.0 {
+                    last = (code, is_facing(code));
+                }
+                near[n_found % LEAF] = near[i];
+                indices[n_found % LEAF] = first as u32 + lane;
+                n_found += usize::from(last.1);
+            }
+            let smaller =
+                if n_found > 0 { found(&near[..n_found], &indices[..n_found]) } else { None };
+            smaller.unwrap_or(bound2)
         });
+        visited
+    }
+
+    /// The sum of the flux of the photons within a radius, weighted by the kernel, and their number.
+    fn sum(&self, dist2: &[f32], indices: &[u32], radius2: f32, kernel: Kernel) -> (Rgb, usize) {
+        // The kernel is chosen outside the loop.
+        match kernel {
+            Kernel::Box => self.sum_by(dist2, indices, radius2, |x2| Kernel::Box.weight(x2)),
+            Kernel::Cone => self.sum_by(dist2, indices, radius2, |x2| Kernel::Cone.weight(x2)),
+            Kernel::Epanechnikov => {
+                self.sum_by(dist2, indices, radius2, |x2| Kernel::Epanechnikov.weight(x2))
+            }
+            Kernel::Biweight => {
+                self.sum_by(dist2, indices, radius2, |x2| Kernel::Biweight.weight(x2))
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn sum_by(
+        &self,
+        dist2: &[f32],
+        indices: &[u32],
+        radius2: f32,
+        weight: impl Fn(f32) -> f32,
+    ) -> (Rgb, usize) {
+        let leaves = &*self.leaves;
+        let (mut sum, mut n) = (Rgb::BLACK, 0);
+        for (&dist2, &i) in dist2.iter().zip(indices) {
+            let i = i as usize;
+            let is_inside = dist2 < radius2;
+            // Those outside add exactly nothing, so that the sum doesn't depend on which of them were found.
+            let weight = if is_inside { weight(dist2 / radius2) } else { 0.0 };
+            sum += flux::unpack(leaves[i / LEAF].flux[i % LEAF]) * weight;
+            n += usize::from(is_inside);
+        }
+        (sum * self.flux_scale, n)
     }
 
     /// A radius within which `k` photons are likely, from the leaf that the point falls into.
     fn guess_radius(&self, point: Vec3A, k: usize) -> f32 {
         let mut extent2 = 0.0;
         self.walk(point, f32::INFINITY, |leaf, _| {
-            let step = self.leaves[leaf].step;
+            let step = self.boxes[leaf].step;
             extent2 = step.iter().map(|s| (s * 65535.0) * (s * 65535.0)).sum();
             // Stops the walk.
             -1.0
@@ -250,14 +270,33 @@ impl PhotonSet {
     }
 }
 
+impl Candidates {
+    fn len(&self) -> usize {
+        self.dist2.len()
+    }
+
+    /// Keeps those whose squared distance passes, in their order.
+    fn keep(&mut self, passes: impl Fn(f32) -> bool) {
+        let Self { dist2, indices } = self;
+        let mut n = 0;
+        for i in 0..dist2.len() {
+            (dist2[n], indices[n]) = (dist2[i], indices[i]);
+            n += usize::from(passes(dist2[i]));
+        }
+        dist2.truncate(n);
+        indices.truncate(n);
+    }
+}
+
 /// A sum of weighted flux over the square of the kernel's radius; nothing where photons coincide and that is 0.
 fn density(sum: Rgb, radius2: f32) -> Rgb {
     if radius2 > 0.0 { sum / radius2 } else { Rgb::BLACK }
 }
 
 /// The `k`-th smallest squared distance.
-fn kth_smallest(candidates: &[(f32, u32)], k: usize, scratch: &mut Vec<f32>) -> f32 {
-    scratch.clear();
-    scratch.extend(candidates.iter().map(|c| c.0));
-    *scratch.select_nth_unstable_by(k - 1, f32::total_cmp).1
+fn kth_smallest(dist2: &[f32], k: usize, ordered: &mut Vec<u32>) -> f32 {
+    ordered.clear();
+    // Numbers that aren't negative have the order of their bits, which are compared faster.
+    ordered.extend(dist2.iter().map(|d| d.to_bits()));
+    f32::from_bits(*ordered.select_nth_unstable(k - 1).1)
 }

@@ -8,7 +8,7 @@ use mapfile::{Error, Header, MapFile, Section};
 use serde::{Deserialize, Serialize};
 
 use crate::flux;
-use crate::set::{LEAF, Leaf, PhotonSet};
+use crate::set::{LEAF, LeafBox, PhotonSet};
 
 /// The kind of map.
 pub const KIND: &str = "photon map";
@@ -66,7 +66,7 @@ pub struct PhotonMaps {
 }
 
 /// The arrays of a set, in the order in which they are written.
-const ARRAYS: [&str; 5] = ["splits", "leaves", "positions", "flux", "normals"];
+const ARRAYS: [&str; 3] = ["splits", "boxes", "leaves"];
 
 fn array_name(class: &str, array: &str) -> String {
     format!("{class}.{array}")
@@ -89,12 +89,7 @@ impl PhotonMaps {
         digest.pod(&[self.metadata.inventory.fingerprint().0]);
         for (class, set) in self.sets() {
             digest.bytes(class.name().as_bytes()).pod(&[set.n as u64]).pod(&[set.flux_scale]);
-            digest
-                .pod(&set.splits)
-                .pod(&set.leaves)
-                .pod(&set.positions)
-                .pod(&set.flux)
-                .pod(&set.normals);
+            digest.pod(&set.splits).pod(&set.boxes).pod(&set.leaves);
         }
         digest.finish()
     }
@@ -136,17 +131,15 @@ impl PhotonMaps {
             inputs: metadata.inventory.fingerprint(),
             notes,
         };
-        let names: Vec<[String; 5]> = self
+        let names: Vec<[String; 3]> = self
             .sets()
             .map(|(class, _)| ARRAYS.map(|array| array_name(class.name(), array)))
             .collect();
         let mut sections = Vec::new();
-        for ((_, set), [splits, leaves, positions, flux, normals]) in self.sets().zip(&names) {
+        for ((_, set), [splits, boxes, leaves]) in self.sets().zip(&names) {
             sections.push(Section::new(splits, &set.splits));
+            sections.push(Section::new(boxes, &set.boxes));
             sections.push(Section::new(leaves, &set.leaves));
-            sections.push(Section::new(positions, &set.positions));
-            sections.push(Section::new(flux, &set.flux));
-            sections.push(Section::new(normals, &set.normals));
         }
         mapfile::write(
             path,
@@ -188,20 +181,14 @@ fn read_set(file: &MapFile, of: &SetMetadata) -> Result<PhotonSet, Error> {
         n: usize::try_from(of.n).unwrap_or(usize::MAX),
         flux_scale: of.flux_scale,
         splits: file.array(&name("splits"))?,
+        boxes: file.array(&name("boxes"))?,
         leaves: file.array(&name("leaves"))?,
-        positions: file.array(&name("positions"))?,
-        flux: file.array(&name("flux"))?,
-        normals: file.array(&name("normals"))?,
     };
     let n_leaves = set.n.div_ceil(LEAF);
     let lengths_agree = u32::try_from(set.n).is_ok()
-        && set.splits.len() == n_leaves
-        && set.leaves.len() == n_leaves
-        && set.positions.len() as u64 == n_leaves as u64 * 3 * LEAF as u64
-        && set.flux.len() == set.n
-        && set.normals.len() == set.n;
-    let is_sound = |leaf: &Leaf| {
-        leaf.min.iter().zip(&leaf.step).all(|(min, step)| {
+        && [set.splits.len(), set.boxes.len(), set.leaves.len()] == [n_leaves; 3];
+    let is_sound = |around: &LeafBox| {
+        around.min.iter().zip(&around.step).all(|(min, step)| {
             let max = min + 65535.0 * step;
             min.is_finite() && max.is_finite() && *step >= 0.0
         })
@@ -210,7 +197,7 @@ fn read_set(file: &MapFile, of: &SetMetadata) -> Result<PhotonSet, Error> {
     if !lengths_agree {
         return Err(file.corrupt(format!("the arrays of {} photons differ in length", of.class)));
     }
-    if !(set.leaves.iter().all(is_sound) && carries_numbers) {
+    if !(set.boxes.iter().all(is_sound) && carries_numbers) {
         return Err(
             file.corrupt(format!("{} photons lie at no place, or carry no number", of.class))
         );

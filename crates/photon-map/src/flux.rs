@@ -25,7 +25,8 @@ pub(crate) fn pack(c: Rgb, index: u64) -> u32 {
     let mantissa = |v: f32, shift: u32| {
         let steps = v / step(exponent);
         let u = (chance >> shift & 0x1f_ffff) as f32 * (1.0 / 2_097_152.0);
-        steps as u32 + u32::from(u < steps.fract())
+        let whole = steps as u32;
+        whole + u32::from(u < steps - whole as f32)
     };
     mantissa(c.r, 0) | mantissa(c.g, 21) << 9 | mantissa(c.b, 42) << 18 | (exponent as u32) << 27
 }

@@ -2,21 +2,11 @@
 
 use glam::Vec3A;
 
-use crate::set::{LEAF, Leaf, PhotonSet};
+use crate::set::{LEAF, Leaf, LeafBox, PhotonSet};
 
-/// Squared distances and heights of the photons of a leaf, as seen from a point.
-pub(crate) struct LeafView {
-    /// Squared distance.
-    pub(crate) dist2: [f32; LEAF],
-    /// Distance from the plane through the point.
-    pub(crate) height: [f32; LEAF],
-}
-
-impl LeafView {
-    pub(crate) fn new() -> Self {
-        Self { dist2: [0.0; LEAF], height: [0.0; LEAF] }
-    }
-}
+/// A photon counts for a surface only if the line to it rises from the surface by less than this sine (14.5 degrees), so
+/// that a step or a parallel surface close by doesn't count, whatever its scale.
+const MAX_SINE_HEIGHT: f32 = 0.25;
 
 impl PhotonSet {
     /// Calls `visit` for the leaves that may hold photons within `sqrt(bound2)` of `point`, near ones first; it answers
@@ -30,24 +20,26 @@ impl PhotonSet {
         mut bound2: f32,
         mut visit: impl FnMut(usize, f32) -> f32,
     ) {
+        #[derive(Clone, Copy)]
         struct Task {
             low: u32,
             high: u32,
             /// Squared distance of the cell, and its parts along the axes.
             dist2: f32,
-            offsets: [f32; 3],
+            parts: [f32; 3],
         }
-        const NONE: Task = Task { low: 0, high: 0, dist2: 0.0, offsets: [0.0; 3] };
-        let (splits, leaves) = (&*self.splits, &*self.leaves);
-        let p = point.to_array();
-        // As deep as the tree: 2^32 photons are 2^27 leaves.
-        let mut stack = [const { NONE }; 32];
-        let mut top = 0;
-        let mut task = Task { low: 0, high: leaves.len() as u32, ..NONE };
-        if leaves.is_empty() {
+        let (splits, boxes) = (&*self.splits, &*self.boxes);
+        if boxes.is_empty() {
             return;
         }
+        let p = point.to_array();
+        let mut task = Task { low: 0, high: boxes.len() as u32, dist2: 0.0, parts: [0.0; 3] };
+        // As deep as the tree, with room to spare: 2^32 photons are 2^27 leaves.
+        let mut stack = [task; 32];
+        let mut top = 0;
         loop {
+            // Distances of cells are wrong by a few roundings a level.
+            let cell_bound2 = |bound2: f32| bound2 * (1.0 + 2.0_f32.powi(-16));
             while task.high - task.low > 1 {
                 let middle = task.low + (task.high - task.low) / 2;
                 let plane = splits[middle as usize];
@@ -55,23 +47,19 @@ impl PhotonSet {
                 let distance = p[axis] - plane;
                 // The axis took the two lowest bits of the plane.
                 let gap = (distance.abs() - plane.abs() * 2.0_f32.powi(-21)).max(0.0);
-                let mut far = Task { offsets: task.offsets, ..NONE };
-                far.offsets[axis] = gap;
-                let [x, y, z] = far.offsets;
-                // A few roundings less, so that no cell seems farther than its photons.
-                far.dist2 = (x * x + y * y + z * z) * (1.0 - 8.0 * f32::EPSILON);
-                if distance < 0.0 {
-                    (far.low, far.high, task.high) = (middle, task.high, middle);
-                } else {
-                    (far.low, far.high, task.low) = (task.low, middle, middle);
-                }
-                if far.dist2 <= bound2 {
-                    stack[top] = far;
-                    top += 1;
-                }
+                let low_is_near = distance < 0.0;
+                let (low, high) = ((task.low, middle), (middle, task.high));
+                // Written whether it is wanted or not: a branch would be mispredicted too often.
+                let far = &mut stack[top % 32];
+                *far = task;
+                far.dist2 += gap * gap - task.parts[axis];
+                far.parts[axis] = gap * gap;
+                (far.low, far.high) = if low_is_near { high } else { low };
+                (task.low, task.high) = if low_is_near { low } else { high };
+                top += usize::from(far.dist2 <= cell_bound2(bound2));
             }
             let leaf = task.low as usize;
-            if leaves[leaf].dist2(&p) <= bound2 {
+            if boxes[leaf].dist2(&p) <= bound2 {
                 bound2 = visit(leaf, bound2);
             }
             loop {
@@ -79,20 +67,20 @@ impl PhotonSet {
                     return;
                 }
                 top -= 1;
-                if stack[top].dist2 <= bound2 {
+                if stack[top % 32].dist2 <= cell_bound2(bound2) {
                     break;
                 }
             }
-            task = std::mem::replace(&mut stack[top], NONE);
+            task = stack[top % 32];
         }
     }
 }
 
-impl Leaf {
+impl LeafBox {
     /// Squared distance of a point from the box.
     ///
-    /// Every step is that of [`Leaf::view`], and rounding keeps order: no photon in the box comes out nearer than this.
-    /// So what is found never depends on which boxes a search could leave out.
+    /// Every step is that of [`LeafBox::distances`], and rounding keeps order: no photon in the box comes out nearer than
+    /// this. So what is found never depends on which boxes a search could leave out.
     #[inline(always)]
     fn dist2(&self, p: &[f32; 3]) -> f32 {
         let mut dist2 = 0.0;
@@ -105,21 +93,25 @@ impl Leaf {
         dist2
     }
 
-    /// The photons of the leaf, at the given steps of its box, as seen from a point with a normal.
+    /// Squared distances of the photons of the leaf from a point; not a number for those that lie too high above, or too
+    /// low below, the surface through the point with the given normal.
     #[inline(always)]
-    pub(crate) fn view(&self, steps: &[u16], point: Vec3A, normal: Vec3A, view: &mut LeafView) {
-        let Self { min, step } = *self;
+    pub(crate) fn distances(&self, leaf: &Leaf, point: Vec3A, normal: Vec3A) -> [f32; LEAF] {
+        let Self { min, step } = self;
+        let [qx, qy, qz] = &leaf.positions;
         let (p, n) = (point.to_array(), normal.to_array());
-        let Some((qx, rest)) = steps.split_first_chunk::<LEAF>() else { return };
-        let Some((qy, rest)) = rest.split_first_chunk::<LEAF>() else { return };
-        let Some((qz, _)) = rest.split_first_chunk::<LEAF>() else { return };
+        // A loop without branches, which the compiler turns into one over vectors.
+        let mut distances = [0.0; LEAF];
         for lane in 0..LEAF {
             let x = min[0] + f32::from(qx[lane]) * step[0] - p[0];
             let y = min[1] + f32::from(qy[lane]) * step[1] - p[1];
             let z = min[2] + f32::from(qz[lane]) * step[2] - p[2];
-            view.dist2[lane] = x * x + y * y + z * z;
-            view.height[lane] = x * n[0] + y * n[1] + z * n[2];
+            let dist2 = x * x + y * y + z * z;
+            let height = x * n[0] + y * n[1] + z * n[2];
+            let is_flat = height * height <= dist2 * (MAX_SINE_HEIGHT * MAX_SINE_HEIGHT);
+            distances[lane] = if is_flat { dist2 } else { f32::NAN };
         }
+        distances
     }
 }
 
@@ -127,26 +119,28 @@ impl Leaf {
 mod tests {
     use super::*;
     use base::{Photon, Rgb, Rng, Stream};
+    use bytemuck::Zeroable;
     use glam::Vec3;
 
     #[test]
     fn no_photon_is_nearer_than_its_box() {
         let mut rng = Rng::new(0, Stream::Test, 0);
-        let mut view = LeafView::new();
         for i in 0..20_000 {
             let mut numbers = |size: f32| [0; 3].map(|_| (rng.next_f32() - 0.5) * size);
             // Boxes that are small for their place, and points near their faces.
             let offset = 10.0_f32.powi(i % 5);
-            let leaf = Leaf { min: numbers(offset), step: numbers(2e-4).map(f32::abs) };
-            let max = Vec3::from(leaf.min) + Vec3::from(leaf.step) * 65535.0;
+            let around = LeafBox { min: numbers(offset), step: numbers(2e-4).map(f32::abs) };
+            let max = Vec3::from(around.min) + Vec3::from(around.step) * 65535.0;
             let point = max + Vec3::from(numbers(1.0)) * 10.0_f32.powi(-(i % 7));
-            let steps: Vec<u16> = (0..3 * LEAF)
-                .map(|_| [0, 65535, rng.next_u32() as u16][rng.next_u32() as usize % 3])
-                .collect();
-            leaf.view(&steps, point.into(), Vec3A::Z, &mut view);
-            let box_dist2 = leaf.dist2(&point.to_array());
-            let nearest = view.dist2.into_iter().fold(f32::INFINITY, f32::min);
-            assert!(box_dist2 <= nearest, "{box_dist2} > {nearest} from {point} to {leaf:?}");
+            let mut leaf = Leaf::zeroed();
+            for step in leaf.positions.as_flattened_mut() {
+                *step = [0, 65535, rng.next_u32() as u16][rng.next_u32() as usize % 3];
+            }
+            let box_dist2 = around.dist2(&point.to_array());
+            // Nothing is too high above a surface without a normal.
+            let distances = around.distances(&leaf, point.into(), Vec3A::ZERO);
+            let nearest = distances.into_iter().fold(f32::INFINITY, f32::min);
+            assert!(box_dist2 <= nearest, "{box_dist2} > {nearest} from {point} to {around:?}");
         }
     }
 
