@@ -24,7 +24,8 @@ pub struct Args {
     /// The photon maps that photon-build has made of the scene
     #[arg(long, value_name = "MAPS.photons", required = true)]
     pub photons: Option<PathBuf>,
-    /// Where the picture goes: .exr holds all layers, .png what a screen shows; may be given several times
+    /// Where the picture goes: .exr holds all layers, .png what a screen shows; may be given several times, or
+    /// not at all with --save-cache
     #[arg(short, long, value_name = "IMAGE", required_unless_present = "save_cache")]
     pub output: Vec<PathBuf>,
     /// Width and height of the picture, in pixels

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use base::{Component, Grid, Inventory, Pixel, Rgb};
+use base::{Component, Grid, Interrupted, Inventory, Pixel, Rgb};
 use cache_map::Origin;
+use cli::Interrupt;
 use film::{Format, Picture};
 use glam::Vec3A;
+use rayon::prelude::*;
 use serde_json::json;
 
 use crate::frame::Frame;
@@ -78,7 +80,8 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     cli::command_line(words.into_iter().map(Into::into))
 }
 
-/// All layers. The picture itself is the sum emission + direct + indirect + specular + caustics, in that order.
+/// All layers, unless interrupted. The picture itself is the sum emission + direct + indirect + specular + caustics, in
+/// that order.
 ///
 /// The layers tell of the picture, not of the run: what was loaded from a cache map had been computed at its pixel, so
 /// its `traced` is 1. What this run has computed is told by `--stats`.
@@ -87,7 +90,8 @@ pub(crate) fn picture(
     frame: &Frame<'_>,
     rendered: &Rendered,
     inputs: &Inventory,
-) -> Picture {
+    interrupt: &Interrupt,
+) -> Result<Picture, Interrupted> {
     let size = frame.size();
     let counts = rendered.counts;
     let metadata = json!({
@@ -114,10 +118,14 @@ pub(crate) fn picture(
     }
     picture.push_rgb("emission", &emission);
 
-    let mut push = |name: &str, f: &dyn Fn(Pixel) -> f32| {
-        picture.push(name, (0..size.n_pixels()).map(|i| f(size.pixel(i))).collect());
+    let mut push = |name: &str, f: &(dyn Fn(Pixel) -> f32 + Sync)| {
+        // What lacks a layer is not written.
+        if interrupt.go_on() {
+            let values = (0..size.n_pixels()).into_par_iter().map(|i| f(size.pixel(i)));
+            picture.push(name, values.collect());
+        }
     };
-    let mut push_vector = |name: &str, axes: [&str; 3], f: &dyn Fn(Pixel) -> Vec3A| {
+    let mut push_vector = |name: &str, axes: [&str; 3], f: &(dyn Fn(Pixel) -> Vec3A + Sync)| {
         for (i, axis) in axes.iter().enumerate() {
             push(&format!("{name}.{axis}"), &|p| f(p)[i]);
         }
@@ -157,7 +165,8 @@ pub(crate) fn picture(
             }
         }
     }
-    picture
+    interrupt.check()?;
+    Ok(picture)
 }
 
 /// Writes the picture to all outputs.

@@ -169,8 +169,7 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
         ));
     }
 
-    interrupt.check()?;
-    let picture = output::picture(args, &frame, &rendered, &inputs);
+    let picture = output::picture(args, &frame, &rendered, &inputs, &interrupt)?;
     output::write(args, &picture)?;
     let write = clock.lap();
 

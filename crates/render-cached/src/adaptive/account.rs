@@ -13,7 +13,7 @@ use crate::render::{AdaptiveLayers, Progress, Rendered};
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct ErrorReport {
     /// The mean FLIP asked for.
-    pub(crate) target: f64,
+    pub(crate) target: f32,
     /// The mean FLIP estimated from the pixels held out.
     pub(crate) measured_mean: f64,
     /// The value that 99.5 % of them don't exceed.

@@ -69,7 +69,7 @@ pub(crate) fn measure(
         .max_by(|a, b| blame[*a].total_cmp(&blame[*b]))
         .unwrap_or(Component::Direct);
     let estimate = ErrorReport {
-        target: f64::from(args.error),
+        target: args.error,
         measured_mean: mean,
         measured_p995: f64::from(p995),
         held_out_pixels: pixels.len() as u64,

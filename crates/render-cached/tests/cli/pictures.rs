@@ -185,6 +185,7 @@ fn stats_keep_their_contract() {
         assert_eq!(keys(&stats["rays"]), "eye gather shadow specular");
         if mode == "adaptive" {
             assert_eq!(keys(&stats["error"]), "held_out_pixels measured_mean measured_p995 target");
+            assert_eq!(stats["error"]["target"].to_string(), "0.01");
         } else {
             assert_eq!(stats["error"], Value::Null);
         }
