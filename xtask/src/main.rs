@@ -1,5 +1,6 @@
 //! Chores of the project: `cargo xtask COMMAND`, one file per command.
 
+mod bench;
 mod demo;
 mod programs;
 mod rabbit;
@@ -20,6 +21,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Bench(bench::Args),
     Demo(demo::Args),
     Rabbit(rabbit::Args),
 }
@@ -27,6 +29,7 @@ enum Command {
 #[expect(clippy::print_stderr, reason = "a program says on standard error why it failed")]
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
+        Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Rabbit(args) => rabbit::run(&args),
     };
