@@ -20,7 +20,7 @@ pub use camera::{Camera, FovAxis};
 pub use error::Error;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use light::{Emission, Light, LightKind, LightSample, Spot, Toward};
-pub use load::{Loaded, load};
+pub use load::{Loaded, load, load_parts};
 pub use material::{Material, Specular, SpecularBounce, Transport};
 pub use polygon::polygon_irradiance;
 pub use world::{Parts, Scene};

@@ -25,7 +25,7 @@ use assembly::Assembly;
 use source::Source;
 use tables::SceneFile;
 
-use crate::{Error, Scene};
+use crate::{Error, Parts, Scene};
 
 /// A scene, and what its author should know about it.
 #[derive(Debug)]
@@ -138,6 +138,16 @@ pub struct Loaded {
 /// light or surfaces, a camera shut in by something dark. Every message names file, line and column, or the object, and
 /// what to do. Memory is proportional to the size of the files; no file makes this function panic.
 pub fn load(path: &Path) -> Result<Loaded, Error> {
+    let (parts, warnings) = load_parts(path)?;
+    Ok(Loaded { scene: Scene::assemble(parts), warnings })
+}
+
+/// Reads a scene file as [`load`] does, but leaves its parts apart; with what its author should know.
+///
+/// # Errors
+///
+/// See [`load`].
+pub fn load_parts(path: &Path) -> Result<(Parts, Vec<String>), Error> {
     let source = Source::read(path)?;
     let file: SceneFile = toml::from_str(source.text()).map_err(|e| source.syntax(&e))?;
     let camera = view::camera(&source, &file.camera)?;
@@ -159,6 +169,5 @@ pub fn load(path: &Path) -> Result<Loaded, Error> {
         assembly.add_light(i, table)?;
     }
     assembly.warn_of_unused(&file.materials);
-    let (parts, warnings) = whole::finish(assembly, camera)?;
-    Ok(Loaded { scene: Scene::assemble(parts), warnings })
+    whole::finish(assembly, camera)
 }
