@@ -8,7 +8,7 @@ use super::{ARCHITECTURE, Package, code, has_word, packages, read, sources, tabl
 const ONLY: &[(&str, &[&str])] = &[
     ("anyhow", &["cli", "photon-build", "render-cached", "xtask"]),
     ("bincode", &["mapfile"]),
-    ("clap", &["cli", "photon-build", "render-cached", "xtask"]),
+    ("clap", &["cli", "photon-build", "pipeline-tests", "render-cached", "xtask"]),
     ("ctrlc", &["cli"]),
     ("exr", &["film"]),
     ("indicatif", &["cli"]),
