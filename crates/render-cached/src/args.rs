@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true, value_parser = parse_size)]
     pub resolution: ImageSize,
     /// Which pixels are computed
-    #[arg(long, value_enum, default_value_t = Mode::Adaptive)]
+    #[arg(long, value_enum, default_value_t = Mode::Paper)]
     pub mode: Mode,
     /// Mean FLIP against mode original that mode adaptive aims at; 0 computes everything
     #[arg(long, value_name = "E", default_value_t = 0.01, value_parser = parse_error)]

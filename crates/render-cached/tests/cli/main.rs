@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 #![cfg(target_os = "linux")] // Full devices, small disks and limits are made in its ways.
 
+mod adaptive;
 mod bench;
 mod caches;
 mod degenerate;
