@@ -31,11 +31,11 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     cli::check_outputs(&outputs, &[scene_path], args.common.existing())?;
     let pool = args.common.thread_pool()?;
 
-    // Reading a scene includes building its BVH; `load` answers with both.
-    let loaded = pool.install(|| scene::load(scene_path))?;
-    loaded.warnings.iter().for_each(|w| console.warn(w));
-    let scene = loaded.scene;
+    let (parts, warnings) = pool.install(|| scene::load_parts(scene_path))?;
+    warnings.iter().for_each(|w| console.warn(w));
     let load = clock.lap();
+    let scene = pool.install(|| Scene::assemble(parts));
+    let bvh = clock.lap();
     console.detail(format_args!(
         "{} lights, {} threads",
         scene.lights.len(),
@@ -70,7 +70,9 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
         "{} photons absorbed, {} escaped, {} rays",
         account.absorbed, account.escaped, account.rays
     ));
-    for (stage, seconds) in [("load", load), ("trace", trace), ("tree", tree), ("write", write)] {
+    for (stage, seconds) in
+        [("load", load), ("bvh", bvh), ("trace", trace), ("tree", tree), ("write", write)]
+    {
         console
             .detail(format_args!("{stage:>10} {:8.2} s {:8.2} CPU s", seconds.wall, seconds.cpu));
     }
@@ -88,6 +90,7 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     if let Some(path) = &args.common.stats {
         let seconds = |f: fn(&cli::Seconds) -> f64| Seconds {
             load: f(&load),
+            bvh: f(&bvh),
             trace: f(&trace),
             tree: f(&tree),
             write: f(&write),

@@ -33,6 +33,7 @@ pub(crate) struct Stored {
 #[derive(Debug, Serialize)]
 pub(crate) struct Seconds {
     pub(crate) load: f64,
+    pub(crate) bvh: f64,
     pub(crate) trace: f64,
     pub(crate) tree: f64,
     pub(crate) write: f64,

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use base::{Component, Grid, Interrupted, Inventory, Pixel, Rgb};
+use base::{Component, Grid, Inventory, Rgb};
 use cache_map::Origin;
 use cli::Interrupt;
 use film::{Format, Picture};
-use glam::Vec3A;
+use geometry::Surface;
 use rayon::prelude::*;
 use serde_json::json;
+use shade::ShadingPoint;
 
 use crate::frame::Frame;
 use crate::render::Rendered;
@@ -80,18 +81,49 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     cli::command_line(words.into_iter().map(Into::into))
 }
 
-/// All layers, unless interrupted. The picture itself is the sum emission + direct + indirect + specular + caustics, in
-/// that order.
-///
-/// The layers tell of the picture, not of the run: what was loaded from a cache map had been computed at its pixel, so
-/// its `traced` is 1. What this run has computed is told by `--stats`.
-pub(crate) fn picture(
+/// Writes the picture to all outputs.
+pub(crate) fn write(
     args: &Args,
     frame: &Frame<'_>,
     rendered: &Rendered,
     inputs: &Inventory,
     interrupt: &Interrupt,
-) -> Result<Picture, Interrupted> {
+) -> anyhow::Result<()> {
+    let background = frame.shader().background();
+    let emission =
+        Grid::from_fn(frame.size(), |p| frame.point(p).map_or(background, |point| point.emitted()));
+    let whole = Grid::from_fn(frame.size(), |p| {
+        Component::ALL
+            .into_iter()
+            .fold(emission[p], |sum, component| sum + rendered.values[component][p])
+    });
+    interrupt.check()?;
+    for path in &args.output {
+        let existing = args.common.existing();
+        match Format::of(path)? {
+            Format::Png => film::write_png(path, existing, &whole, args.exposure)?,
+            Format::Exr => {
+                let picture = layers(args, frame, rendered, inputs, &emission, &whole);
+                interrupt.check()?;
+                film::write_exr(path, existing, &picture)?
+            }
+        };
+    }
+    Ok(())
+}
+
+/// All layers. The picture itself is the sum emission + direct + indirect + specular + caustics, in that order.
+///
+/// The layers tell of the picture, not of the run: what was loaded from a cache map had been computed at its pixel, so
+/// its `traced` is 1. What this run has computed is told by `--stats`.
+fn layers(
+    args: &Args,
+    frame: &Frame<'_>,
+    rendered: &Rendered,
+    inputs: &Inventory,
+    emission: &Grid<Rgb>,
+    whole: &Grid<Rgb>,
+) -> Picture {
     let size = frame.size();
     let counts = rendered.counts;
     let metadata = json!({
@@ -101,84 +133,70 @@ pub(crate) fn picture(
         "inputs": inputs.fingerprint().to_string(),
         "rays": { "eye": counts.eye_rays, "specular": counts.specular_rays, "shadow": counts.shadow_rays },
         "photons_visited": counts.photons_visited,
+        "error": rendered.adaptive.as_ref().map(|a| a.error),
     });
     let mut picture = Picture::new(size, metadata.to_string());
-
-    let background = frame.shader().background();
-    let emission =
-        Grid::from_fn(size, |p| frame.point(p).map_or(background, |point| point.emitted()));
-    let whole = Grid::from_fn(size, |p| {
-        Component::ALL
-            .into_iter()
-            .fold(emission[p], |sum, component| sum + rendered.values[component][p])
-    });
-    picture.push_rgb("", &whole);
+    picture.push_rgb("", whole);
     for component in Component::ALL {
         picture.push_rgb(layer(component), &rendered.values[component]);
     }
-    picture.push_rgb("emission", &emission);
-
-    let mut push = |name: &str, f: &(dyn Fn(Pixel) -> f32 + Sync)| {
-        // What lacks a layer is not written.
-        if interrupt.go_on() {
-            let values = (0..size.n_pixels()).into_par_iter().map(|i| f(size.pixel(i)));
-            picture.push(name, values.collect());
-        }
-    };
-    let mut push_vector = |name: &str, axes: [&str; 3], f: &(dyn Fn(Pixel) -> Vec3A + Sync)| {
-        for (i, axis) in axes.iter().enumerate() {
-            push(&format!("{name}.{axis}"), &|p| f(p)[i]);
-        }
-    };
-    let xyz = ["X", "Y", "Z"];
-    push_vector("P", xyz, &|p| frame.point(p).map_or(Vec3A::ZERO, |point| point.facing.position));
-    push_vector("N", xyz, &|p| {
-        frame.point(p).map_or(Vec3A::ZERO, |point| point.facing.geometric_normal)
-    });
-    push_vector("Ns", xyz, &|p| {
-        frame.point(p).map_or(Vec3A::ZERO, |point| point.facing.shading_normal)
-    });
-    push_vector("Albedo", ["R", "G", "B"], &|p| {
-        frame
-            .point(p)
-            .map_or(Vec3A::ZERO, |point| Vec3A::from_array(point.material.albedo.to_array()))
-    });
-    let camera = &frame.shader().scene.camera;
-    push("Z", &|p| frame.point(p).map_or(0.0, |point| camera.depth(point.surface.position)));
+    picture.push_rgb("emission", emission);
+    push_surfaces(&mut picture, frame);
     for component in Component::ALL {
-        let origins = &rendered.origins[component];
-        push(&format!("traced.{}", layer(component)), &|p| match origins[p] {
-            Origin::Sampled | Origin::Traced => 1.0,
-            Origin::None | Origin::Known | Origin::Interpolated => 0.0,
-        });
-        match &rendered.adaptive {
-            None => push(&format!("reason.{}", layer(component)), &|p| match origins[p] {
+        push_history(&mut picture, component, rendered);
+    }
+    picture
+}
+
+/// What the eye sees first: position, normals on the side of the eye, albedo, depth. All 0 where there is no surface.
+fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>) {
+    const NAMES: [&str; 13] = [
+        "P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "Ns.X", "Ns.Y", "Ns.Z", "Albedo.R", "Albedo.G",
+        "Albedo.B", "Z",
+    ];
+    let size = frame.size();
+    let camera = &frame.shader().scene.camera;
+    let pixels: Vec<[f32; 13]> = (0..size.n_pixels())
+        .into_par_iter()
+        .map(|i| {
+            let Some(ShadingPoint { facing, material, .. }) = frame.point(size.pixel(i)) else {
+                return [0.0; 13];
+            };
+            let Surface { position: p, geometric_normal: n, shading_normal: ns, .. } = facing;
+            let a = material.albedo;
+            let depth = camera.depth(p);
+            [p.x, p.y, p.z, n.x, n.y, n.z, ns.x, ns.y, ns.z, a.r, a.g, a.b, depth]
+        })
+        .collect();
+    for (channel, name) in NAMES.into_iter().enumerate() {
+        picture.push(name, pixels.iter().map(|pixel| pixel[channel]).collect());
+    }
+}
+
+/// Whether, and why, a component was computed at each pixel.
+fn push_history(picture: &mut Picture, component: Component, rendered: &Rendered) {
+    let name = layer(component);
+    let origins = rendered.origins[component].values();
+    let computed = |o: &Origin| matches!(o, Origin::Sampled | Origin::Traced);
+    picture.push(
+        format!("traced.{name}"),
+        origins.iter().map(|o| f32::from(u8::from(computed(o)))).collect(),
+    );
+    let reason = format!("reason.{name}");
+    match &rendered.adaptive {
+        None => {
+            let number = |o: &Origin| match o {
                 Origin::None | Origin::Known | Origin::Interpolated => 0.0,
                 Origin::Sampled => 1.0,
                 Origin::Traced => 2.0,
-            }),
-            Some(history) => {
-                let (reasons, levels) = (&history.reasons[component], &history.levels[component]);
-                let number = |p: Pixel| f32::from(reasons[size.index(p)] as u8);
-                push(&format!("reason.{}", layer(component)), &number);
-                push(&format!("level.{}", layer(component)), &|p| f32::from(levels[size.index(p)]));
-            }
+            };
+            picture.push(reason, origins.iter().map(number).collect());
+        }
+        Some(history) => {
+            let numbers = history.reasons[component].iter().map(|&r| f32::from(r as u8));
+            picture.push(reason, numbers.collect());
+            let levels = history.levels[component].iter().map(|&l| f32::from(l));
+            picture.push(format!("level.{name}"), levels.collect());
         }
     }
-    interrupt.check()?;
-    Ok(picture)
-}
-
-/// Writes the picture to all outputs.
-pub(crate) fn write(args: &Args, picture: &Picture) -> anyhow::Result<()> {
-    for path in &args.output {
-        match Format::of(path)? {
-            Format::Exr => film::write_exr(path, args.common.existing(), picture)?,
-            Format::Png => {
-                let whole: Grid<Rgb> = picture.rgb("").expect("the whole picture is a layer");
-                film::write_png(path, args.common.existing(), &whole, args.exposure)?
-            }
-        };
-    }
-    Ok(())
 }

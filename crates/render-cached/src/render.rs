@@ -169,8 +169,7 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
         ));
     }
 
-    let picture = output::picture(args, &frame, &rendered, &inputs, &interrupt)?;
-    output::write(args, &picture)?;
+    output::write(args, &frame, &rendered, &inputs, &interrupt)?;
     let write = clock.lap();
 
     let stages = stats::Stages { load, primary, write, total: clock.total() };
