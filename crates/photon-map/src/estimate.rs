@@ -3,8 +3,9 @@
 use base::{Rgb, decode_octahedral, math::PI};
 use glam::Vec3A;
 
-use crate::set::{LEAF, PhotonSet};
-use crate::{Kernel, flux};
+use crate::Kernel;
+use crate::set::{LEAF, Leaf, PhotonSet};
+use crate::sum::Sum;
 
 /// A photon counts for a surface only if its normal is within this cosine of the surface's (26 degrees): photons from
 /// the other side of a thin wall, or from around a corner, don't.
@@ -48,7 +49,19 @@ pub struct Scratch {
 struct Candidates {
     /// Squared distances.
     dist2: Vec<f32>,
-    indices: Vec<u32>,
+    /// As packed.
+    flux: Vec<u32>,
+}
+
+/// Photons of one leaf.
+struct Found<'a> {
+    leaf: usize,
+    /// Squared distances.
+    dist2: &'a [f32],
+    /// Places in the leaf.
+    lanes: &'a [u32],
+    /// As packed.
+    flux: &'a [u32],
 }
 
 impl PhotonSet {
@@ -86,24 +99,26 @@ impl PhotonSet {
             let growth = (2.0 * gather.k as f32 / found).sqrt().clamp(1.2, 4.0);
             search = (search * growth).min(gather.max_radius);
         }
-        let Scratch { candidates: Candidates { dist2, indices }, ordered } = scratch;
-        let full = dist2.len() >= gather.k;
+        let Scratch { candidates, ordered } = scratch;
+        let full = candidates.len() >= gather.k;
         let radius2 = match full {
-            true => kth_smallest(dist2, gather.k, ordered),
+            true => kth_smallest(&candidates.dist2, gather.k, ordered),
             false => gather.max_radius * gather.max_radius,
         };
-        let (mut sum, mut found) = self.sum(dist2, indices, radius2, gather.kernel);
-        // Photons at exactly the same distance as number k: the sum above has left out more than one.
-        if full && found + 1 < gather.k {
-            let rim = dist2.iter().zip(indices).filter(|(d, _)| **d == radius2);
-            let rim = rim.take(gather.k - 1 - found).map(|(_, i)| self.flux_of(*i as usize));
-            sum += rim.sum::<Rgb>() * gather.kernel.weight(1.0);
-            found = gather.k - 1;
-        }
+        // Only photons inside count, and of those at exactly the distance of number k as many as are missing.
+        let n_inside = candidates.dist2.iter().filter(|dist2| **dist2 < radius2).count();
+        let mut missing = if full { gather.k - 1 - n_inside } else { 0 };
+        candidates.keep(|dist2| {
+            let is_taken = dist2 == radius2 && missing > 0;
+            missing -= usize::from(is_taken);
+            (dist2 < radius2) | is_taken
+        });
+        let mut sum = Sum::default();
+        sum.add(&candidates.dist2, &candidates.flux, radius2, gather.kernel);
         Estimate {
-            irradiance: density(sum, radius2),
+            irradiance: self.density(&sum, radius2),
             radius: radius2.sqrt(),
-            found: found + usize::from(full),
+            found: candidates.len() + usize::from(full),
             visited,
         }
     }
@@ -117,14 +132,13 @@ impl PhotonSet {
         kernel: Kernel,
     ) -> Estimate {
         let radius2 = radius * radius;
-        let (mut sum, mut found) = (Rgb::BLACK, 0);
-        let visited = self.accept(point, normal, radius2, |dist2, indices| {
-            let (more, n) = self.sum(dist2, indices, radius2, kernel);
-            sum += more;
-            found += n;
+        let (mut sum, mut found) = (Sum::default(), 0);
+        let visited = self.accept(point, normal, radius2.next_down(), |photons| {
+            sum.add(photons.dist2, photons.flux, radius2, kernel);
+            found += photons.dist2.len();
             None
         });
-        Estimate { irradiance: density(sum, radius2), radius, found, visited }
+        Estimate { irradiance: self.density(&sum, radius2), radius, found, visited }
     }
 
     /// The photons that the estimate counts, as indices with squared distances in ascending order of both.
@@ -136,8 +150,9 @@ impl PhotonSet {
         max_radius: f32,
     ) -> Vec<(f32, u32)> {
         let mut all = Vec::new();
-        self.accept(point, normal, max_radius * max_radius, |dist2, indices| {
-            all.extend(dist2.iter().copied().zip(indices.iter().copied()));
+        self.accept(point, normal, max_radius * max_radius, |photons| {
+            let indices = photons.lanes.iter().map(|lane| (photons.leaf * LEAF) as u32 + lane);
+            all.extend(photons.dist2.iter().copied().zip(indices));
             None
         });
         all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -157,9 +172,9 @@ impl PhotonSet {
         let Scratch { candidates, ordered } = scratch;
         candidates.keep(|_| false);
         let mut full = 3 * k + 4 * LEAF;
-        self.accept(point, normal, bound2, |dist2, indices| {
-            candidates.dist2.extend_from_slice(dist2);
-            candidates.indices.extend_from_slice(indices);
+        self.accept(point, normal, bound2, |photons| {
+            candidates.dist2.extend_from_slice(photons.dist2);
+            candidates.flux.extend_from_slice(photons.flux);
             (candidates.len() >= full).then(|| {
                 // Too many: keep those within the distance of number k.
                 let bound2 = kth_smallest(&candidates.dist2, k, ordered);
@@ -170,88 +185,62 @@ impl PhotonSet {
         })
     }
 
-    /// Calls `found` with the squared distances and indices of the photons of this surface within a distance, leaf by leaf;
-    /// it may answer with a smaller one. Answers how many photons were looked at.
+    /// Calls `found` for each leaf with photons of this surface within a distance; it may answer with a smaller distance.
+    /// Answers how many photons were looked at.
     #[inline(always)]
     fn accept(
         &self,
         point: Vec3A,
         normal: Vec3A,
         bound2: f32,
-        mut found: impl FnMut(&[f32], &[u32]) -> Option<f32>,
+        mut found: impl FnMut(&Found<'_>) -> Option<f32>,
     ) -> usize {
         let (boxes, leaves) = (&*self.boxes, &*self.leaves);
-        let (mut near, mut indices) = ([0.0_f32; LEAF], [0_u32; LEAF]);
+        let (mut near, mut lanes, mut flux) = ([0.0_f32; LEAF], [0_u32; LEAF], [0_u32; LEAF]);
         let is_facing = |code| decode_octahedral(code).dot(normal) > MIN_COS_NORMALS;
         // Neighbors mostly share their normal.
         let mut last = (0, is_facing(0));
         let mut visited = 0;
         self.walk(point, bound2, |leaf, bound2| {
-            let first = leaf * LEAF;
-            let n = LEAF.min(self.n - first);
+            let n = LEAF.min(self.n - leaf * LEAF);
             visited += n;
             let dist2 = boxes[leaf].distances(&leaves[leaf], point, normal);
-            let normals = &leaves[leaf].normals;
+            let Leaf { normals, flux: fluxes, .. } = &leaves[leaf];
             // Each photon is written, and overwritten by the next unless it counts: a branch would be mispredicted every
             // other time. The remainders spare the bounds checks.
             let mut n_near = 0;
             for (lane, &dist2) in dist2[..n].iter().enumerate() {
                 near[n_near % LEAF] = dist2;
-                indices[n_near % LEAF] = lane as u32;
+                lanes[n_near % LEAF] = lane as u32;
                 n_near += usize::from(dist2 <= bound2);
             }
             let mut n_found = 0;
             for i in 0..n_near {
-                let lane = indices[i];
+                let lane = lanes[i];
                 let code = normals[lane as usize % LEAF];
                 if code != last.0 {
                     last = (code, is_facing(code));
                 }
                 near[n_found % LEAF] = near[i];
-                indices[n_found % LEAF] = first as u32 + lane;
+                lanes[n_found % LEAF] = lane;
+                flux[n_found % LEAF] = fluxes[lane as usize % LEAF];
                 n_found += usize::from(last.1);
             }
-            let smaller =
-                if n_found > 0 { found(&near[..n_found], &indices[..n_found]) } else { None };
+            let photons = Found {
+                leaf,
+                dist2: &near[..n_found],
+                lanes: &lanes[..n_found],
+                flux: &flux[..n_found],
+            };
+            let smaller = if n_found > 0 { found(&photons) } else { None };
             smaller.unwrap_or(bound2)
         });
         visited
     }
 
-    /// The sum of the flux of the photons within a radius, weighted by the kernel, and their number.
-    fn sum(&self, dist2: &[f32], indices: &[u32], radius2: f32, kernel: Kernel) -> (Rgb, usize) {
-        // The kernel is chosen outside the loop.
-        match kernel {
-            Kernel::Box => self.sum_by(dist2, indices, radius2, |x2| Kernel::Box.weight(x2)),
-            Kernel::Cone => self.sum_by(dist2, indices, radius2, |x2| Kernel::Cone.weight(x2)),
-            Kernel::Epanechnikov => {
-                self.sum_by(dist2, indices, radius2, |x2| Kernel::Epanechnikov.weight(x2))
-            }
-            Kernel::Biweight => {
-                self.sum_by(dist2, indices, radius2, |x2| Kernel::Biweight.weight(x2))
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn sum_by(
-        &self,
-        dist2: &[f32],
-        indices: &[u32],
-        radius2: f32,
-        weight: impl Fn(f32) -> f32,
-    ) -> (Rgb, usize) {
-        let leaves = &*self.leaves;
-        let (mut sum, mut n) = (Rgb::BLACK, 0);
-        for (&dist2, &i) in dist2.iter().zip(indices) {
-            let i = i as usize;
-            let is_inside = dist2 < radius2;
-            // Those outside add exactly nothing, so that the sum doesn't depend on which of them were found.
-            let weight = if is_inside { weight(dist2 / radius2) } else { 0.0 };
-            sum += flux::unpack(leaves[i / LEAF].flux[i % LEAF]) * weight;
-            n += usize::from(is_inside);
-        }
-        (sum * self.flux_scale, n)
+    /// Irradiance from a sum over a kernel; nothing where photons coincide and its radius is 0.
+    fn density(&self, sum: &Sum, radius2: f32) -> Rgb {
+        if radius2 > 0.0 { sum.total() * self.flux_scale / radius2 } else { Rgb::BLACK }
     }
 
     /// A radius within which `k` photons are likely, from the leaf that the point falls into.
@@ -276,21 +265,17 @@ impl Candidates {
     }
 
     /// Keeps those whose squared distance passes, in their order.
-    fn keep(&mut self, passes: impl Fn(f32) -> bool) {
-        let Self { dist2, indices } = self;
+    fn keep(&mut self, mut passes: impl FnMut(f32) -> bool) {
+        let Self { dist2, flux } = self;
         let mut n = 0;
-        for i in 0..dist2.len() {
-            (dist2[n], indices[n]) = (dist2[i], indices[i]);
-            n += usize::from(passes(dist2[i]));
+        for i in 0..dist2.len().min(flux.len()) {
+            let (d, f) = (dist2[i], flux[i]);
+            (dist2[n], flux[n]) = (d, f);
+            n += usize::from(passes(d));
         }
         dist2.truncate(n);
-        indices.truncate(n);
+        flux.truncate(n);
     }
-}
-
-/// A sum of weighted flux over the square of the kernel's radius; nothing where photons coincide and that is 0.
-fn density(sum: Rgb, radius2: f32) -> Rgb {
-    if radius2 > 0.0 { sum / radius2 } else { Rgb::BLACK }
 }
 
 /// The `k`-th smallest squared distance.

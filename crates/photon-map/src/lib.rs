@@ -10,6 +10,7 @@ mod flux;
 mod kernel;
 mod reach;
 mod set;
+mod sum;
 mod traverse;
 
 pub use estimate::{Estimate, Gather, Scratch};
