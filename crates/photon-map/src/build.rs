@@ -1,6 +1,6 @@
 //! The balanced kd-tree.
 
-use base::Photon;
+use base::{Photon, Rgb};
 use bytemuck::Zeroable;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -39,10 +39,14 @@ pub(crate) fn build(photons: &[Photon]) -> PhotonSet {
             // Partitioning leaves an order of its own: this one is known from the photons alone.
             items.sort_unstable_by_key(|item| item.index);
             quantize(items, around, leaf);
+            // Fetched first and packed later, since most have to come from memory: many at a time.
+            let mut fluxes = [Rgb::BLACK; LEAF];
             for (lane, item) in items.iter().enumerate() {
                 let photon = &photons[item.index as usize];
-                leaf.flux[lane] = flux::pack(photon.flux / flux_scale, item.index.into());
-                leaf.normals[lane] = photon.normal;
+                (fluxes[lane], leaf.normals[lane]) = (photon.flux, photon.normal);
+            }
+            for (lane, item) in items.iter().enumerate() {
+                leaf.flux[lane] = flux::pack(fluxes[lane] / flux_scale, item.index.into());
             }
         });
     PhotonSet {
@@ -150,7 +154,7 @@ fn quantize(items: &[Item], around: &mut LeafBox, leaf: &mut Leaf) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::{Rgb, Rng, Stream};
+    use base::{Rng, Stream};
 
     /// On the walls of a box, which lie in planes that are split: leaves must not lie one over the other.
     #[test]
