@@ -26,12 +26,22 @@ impl Reach {
             max = max.max(high + radius);
         }
         if photons.is_empty() {
-            return Self { origin: Vec3::ZERO, inverse_side: 0.0, size: UVec3::ZERO, bits: Vec::new() };
+            return Self {
+                origin: Vec3::ZERO,
+                inverse_side: 0.0,
+                size: UVec3::ZERO,
+                bits: Vec::new(),
+            };
         }
         let side = (0.5 * radius).max((max - min).max_element() / MAX_CELLS).max(f32::MIN_POSITIVE);
         let size = ((max - min) / side).ceil().as_uvec3().max(UVec3::ONE);
         let n_cells = size.element_product() as usize;
-        let mut this = Self { origin: min, inverse_side: 1.0 / side, size, bits: vec![0; n_cells.div_ceil(64)] };
+        let mut this = Self {
+            origin: min,
+            inverse_side: 1.0 / side,
+            size,
+            bits: vec![0; n_cells.div_ceil(64)],
+        };
         // Leaves that straddle a gap are taken photon by photon.
         let boxes = photons.leaf_boxes().enumerate().flat_map(|(leaf, (low, high))| {
             let is_wide = (high - low).max_element() > 4.0 * radius;
@@ -59,7 +69,8 @@ impl Reach {
     }
 
     fn index(&self, cell: UVec3) -> usize {
-        (cell.z as usize * self.size.y as usize + cell.y as usize) * self.size.x as usize + cell.x as usize
+        (cell.z as usize * self.size.y as usize + cell.y as usize) * self.size.x as usize
+            + cell.x as usize
     }
 
     /// Whether a photon may lie within the distance.
@@ -92,7 +103,11 @@ mod tests {
             .map(|i| {
                 let center = Vec3::new((i % 3) as f32 * 2.0, (i % 2) as f32 * 3.0, 0.0);
                 let offset = Vec3::new(rng.next_f32(), rng.next_f32() * 0.2, 0.0);
-                Photon { position: center + offset, normal: encode_octahedral(Vec3A::Z), flux: Rgb::ONE }
+                Photon {
+                    position: center + offset,
+                    normal: encode_octahedral(Vec3A::Z),
+                    flux: Rgb::ONE,
+                }
             })
             .collect();
         let set = PhotonSet::build(&photons);
