@@ -1,25 +1,31 @@
 //! `cargo xtask bench`: the paper's tables and figures from our own runs, measured so that nothing can flatter.
 
 mod environment;
+mod figures;
+mod gallery;
 mod measure;
 mod outside;
 mod paper;
 mod plan;
 mod raw;
+mod reasons;
+mod report;
 mod runs;
 mod tables;
 
 use std::fmt::Write as _;
-use std::fs;
+use std::io::Write as _;
 use std::path::PathBuf;
 
-use anyhow::Context;
+use film::Existing;
 
 use crate::bench::environment::Environment;
+use crate::bench::gallery::{Detail, Gallery, exr_in, gallery};
 use crate::bench::measure::{Earlier, measure};
 use crate::bench::plan::Plan;
-use crate::bench::runs::Runs;
+use crate::bench::runs::{Runs, SceneRuns};
 use crate::programs::{self, root};
+use crate::table::Table;
 
 /// Measure the paper's tables and figures
 ///
@@ -67,19 +73,51 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let records = measure(&plan, earlier)?;
     let runs = Runs::of(&records)?;
 
+    let text = text(&environment, &runs)?;
+    print!("{text}");
+    let galleries = galleries(&plan, &runs, DETAIL)?;
+    let page = report::page(&environment, &runs, &galleries);
+    for (name, contents) in
+        [("tables.txt", &text), ("tables.md", &markdown(&runs)), ("report.html", &page)]
+    {
+        let path = root().join(&plan.out).join(name);
+        atomic_file::write(&path, Existing::Replace, |out| out.write_all(contents.as_bytes()))?;
+        println!("{}", plan.out.join(name).display());
+    }
+    Ok(())
+}
+
+/// What the report on this machine shows.
+const DETAIL: Detail = Detail { picture: 512, pixels: 256 };
+
+/// Machine and tables, for a terminal.
+fn text(environment: &Environment, runs: &Runs) -> anyhow::Result<String> {
     let mut text = String::new();
     for (name, value) in environment.lines() {
         writeln!(text, "{name:>10}: {value}")?;
     }
     for scene in &runs.scenes {
-        for table in tables::tables(&runs, scene) {
+        for table in tables::tables(runs, scene) {
             write!(text, "\n{table}")?;
         }
     }
-    print!("{text}");
-    let path = root().join(&plan.out).join("tables.txt");
-    fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
-    Ok(())
+    text.push('\n');
+    Ok(text)
+}
+
+/// All tables, for a document.
+fn markdown(runs: &Runs) -> String {
+    let tables = runs.scenes.iter().flat_map(|scene| tables::tables(runs, scene));
+    let section = |table: Table| {
+        let notes: String = table.notes.iter().map(|note| format!("{note}\n\n")).collect();
+        format!("### {}\n\n{}\n{notes}", table.caption, table.to_markdown())
+    };
+    tables.map(section).collect()
+}
+
+fn galleries(plan: &Plan, runs: &Runs, detail: Detail) -> anyhow::Result<Vec<Gallery>> {
+    let of = |scene: &SceneRuns| gallery(scene, detail, &exr_in(&plan.out, &scene.name));
+    runs.scenes.iter().map(of).collect()
 }
 
 /// The command that was typed.

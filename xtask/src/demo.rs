@@ -105,7 +105,17 @@ fn render_cached(
     Call::new(&programs.render_cached)
         .args([SCENE, "--photons"])
         .args([maps])
-        .args(["--mode", mode, "--resolution", &resolution, "--force", "-q", "-o"])
+        .args([
+            "--mode",
+            mode,
+            "--resolution",
+            &resolution,
+            "--exposure",
+            "1",
+            "--force",
+            "-q",
+            "-o",
+        ])
         .args([picture])
         .args(["-o"])
         .args([png(picture)])

@@ -10,6 +10,9 @@ use crate::programs::{Call, Programs, from_root, root};
 /// Photons in an estimate of indirect light.
 const GATHER: &str = "500";
 
+/// Exposure of the pictures in the report, in stops. The Cornell box is dim at its published emission.
+const EXPOSURE: &str = "1";
+
 /// The scenes of the paper.
 const SCENES: [&str; 2] = ["cornell-box", "rabbit"];
 /// The picture sizes of the paper, and those of `--quick`.
@@ -142,7 +145,8 @@ impl Plan {
             .args(["--photons"])
             .args([self.maps(&scene.name)])
             .args(["--mode", mode, "--resolution", &format!("{size}x{size}")])
-            .args(["--shadow-rays", &self.shadow_rays.to_string(), "--gather", GATHER, "-o"])
+            .args(["--shadow-rays", &self.shadow_rays.to_string(), "--gather", GATHER])
+            .args(["--exposure", EXPOSURE, "-o"])
             .args([&png]);
         if round == 0 {
             call = call.args(["-o"]).args([&picture]);
@@ -154,7 +158,11 @@ impl Plan {
     /// The modes in the order in which a round runs them: forth and back, so that a machine that slows down or speeds up
     /// is fair to all.
     pub(crate) fn order(&self, round: u32) -> Vec<&String> {
-        if round % 2 == 0 { self.modes.iter().rev().collect() } else { self.modes.iter().collect() }
+        if round.is_multiple_of(2) {
+            self.modes.iter().rev().collect()
+        } else {
+            self.modes.iter().collect()
+        }
     }
 }
 
@@ -208,7 +216,7 @@ pub(crate) mod tests {
         assert_eq!(
             plan.render(scene, 512, "paper", 2).0.to_string(),
             "target/release/render-cached scenes/cornell-box/scene.toml --photons target/bench/cornell-box/maps.photons \
-             --mode paper --resolution 512x512 --shadow-rays 64 --gather 500 -o target/bench/cornell-box/0512-paper.png \
+             --mode paper --resolution 512x512 --shadow-rays 64 --gather 500 --exposure 1 -o target/bench/cornell-box/0512-paper.png \
              --stats target/bench/cornell-box/0512-paper.json --force -q"
         );
         assert!(
