@@ -104,12 +104,13 @@ impl Bar {
     }
 }
 
-const WIDTH: f64 = 720.0;
-const HEIGHT: f64 = 360.0;
-const LEFT: f64 = 56.0;
+/// In units of the drawing, which a phone shows at three quarters of a pixel each.
+const WIDTH: f64 = 500.0;
+const HEIGHT: f64 = 330.0;
+const LEFT: f64 = 46.0;
 const RIGHT: f64 = 8.0;
-const TOP: f64 = 26.0;
-const BOTTOM: f64 = 34.0;
+const TOP: f64 = 30.0;
+const BOTTOM: f64 = 36.0;
 
 fn chart(unit: &str, groups: &[Group]) -> String {
     let largest = groups.iter().flat_map(|g| &g.bars).map(Bar::total).fold(0.0, f64::max);
@@ -139,7 +140,7 @@ fn chart(unit: &str, groups: &[Group]) -> String {
     let mut labels = String::new();
     for (i, group) in groups.iter().enumerate() {
         let start = LEFT + slot * i as f64;
-        let width = (slot * 0.84 / group.bars.len().max(1) as f64).min(64.0);
+        let width = (slot * 0.9 / group.bars.len().max(1) as f64).min(64.0);
         let first = start + (slot - width * group.bars.len() as f64) / 2.0;
         for (j, bar) in group.bars.iter().enumerate() {
             let x = first + width * j as f64;
@@ -150,7 +151,7 @@ fn chart(unit: &str, groups: &[Group]) -> String {
                 labels,
                 "<text class=\"total\" x=\"{middle:.1}\" y=\"{:.1}\">{}</text>",
                 top - 6.0,
-                crate::bench::tables::seconds(bar.total())
+                short(bar.total())
             );
             let point = format!("{middle:.1},{top:.1} ");
             match lines.iter_mut().find(|(mode, _)| *mode == bar.mode) {
@@ -210,6 +211,16 @@ fn draw_bar(
     );
 }
 
+/// Three digits, or as many as stand before the point.
+fn short(value: f64) -> String {
+    let digits = match value {
+        v if v < 10.0 => 2,
+        v if v < 100.0 => 1,
+        _ => 0,
+    };
+    format!("{value:.digits$}")
+}
+
 /// A round distance between ticks, for five of them or so.
 fn step(largest: f64) -> f64 {
     if largest <= 0.0 {
@@ -243,8 +254,8 @@ mod tests {
                 height.split('"').next().unwrap().parse().unwrap()
             })
             .collect();
-        // Of a scale to 2000 s on 300 units: pass 1, direct, indirect, specular, caustics.
-        let expected = [17.12, 1364.48, 58.24, 136.24, 12.47].map(|s| s / 2000.0 * 300.0);
+        // Of a scale to 2000 s on 264 units: pass 1, direct, indirect, specular, caustics.
+        let expected = [17.12, 1364.48, 58.24, 136.24, 12.47].map(|s| s / 2000.0 * 264.0);
         assert_eq!(heights.len(), 5, "{heights:?}");
         for (height, expected) in heights.iter().zip(expected) {
             assert!((height - expected).abs() < 0.02, "{height} instead of {expected}");

@@ -164,7 +164,9 @@ fn viewer(scene: &str, gallery: &Gallery) -> String {
 /// Where each component was traced, in each cached mode.
 fn origins(gallery: &Gallery) -> String {
     let size = gallery.pixels;
-    let mut html = format!("<h3>What was traced, and why</h3><p>{size}\u{d7}{size}.</p>");
+    let mut html = format!(
+        "<h3>What was traced, and why</h3><p>Of {size}\u{d7}{size} pixels, by component. Dark pixels were interpolated.</p>"
+    );
     for Shown { mode, origins, .. } in gallery.modes.iter().filter(|m| m.mode != "original") {
         let _ = write!(html, "<h4>{}</h4><div class=\"origins\">", escape(mode));
         for (layer, (png, shares)) in LAYERS.iter().zip(origins) {

@@ -44,7 +44,7 @@ function viewer(element, scene) {
   const modes = names.filter((name) => name in atlases);
   left.value = modes[0];
   right.value = modes[modes.length - 1];
-  const at = { x: Math.floor(scene.size * 0.7), y: Math.floor(scene.size * 0.75) };
+  const at = { x: Math.floor(scene.size * 0.48), y: Math.floor(scene.size * 0.87) };
 
   function draw() {
     // The left picture lies over the right one, and is cut off at the edge.
@@ -100,7 +100,7 @@ function viewer(element, scene) {
       cell(row, "th", layer);
       for (const mode of shown) {
         const pixel = readPixel(atlases[mode], scene.pixels, component, x, y);
-        const td = cell(row, "td", pixel.rgb.map(number).join("  "));
+        const td = cell(row, "td", pixel.rgb.map(number).join(", "));
         td.className = "number";
         const swatch = document.createElement("i");
         swatch.className = "swatch";
