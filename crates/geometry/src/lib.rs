@@ -8,11 +8,13 @@
 
 mod accel;
 mod bounds;
+mod crease;
 mod mesh;
 mod primitive;
 mod surface;
 
 pub use accel::{Accel, Hit};
 pub use bounds::Bounds;
+pub use crease::{Crease, Creases};
 pub use mesh::{MaterialId, Mesh, Sphere};
 pub use surface::Surface;
