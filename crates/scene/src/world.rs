@@ -1,7 +1,7 @@
 //! A scene put together.
 
 use base::{Fingerprint, FingerprintBuilder, Inventory, Rgb};
-use geometry::{Accel, Bounds, Mesh, Sphere, Surface};
+use geometry::{Accel, Bounds, Creases, Mesh, Sphere, Surface};
 
 use crate::{AreaLight, Camera, Light, LightKind, Material, Specular};
 
@@ -25,6 +25,8 @@ pub struct Parts {
 pub struct Scene {
     /// All surfaces.
     pub accel: Accel,
+    /// Where diffuse surfaces end.
+    pub creases: Creases,
     /// Indexed by [`geometry::MaterialId`].
     pub materials: Vec<Material>,
     /// All lights: emissive meshes first, then the others.
@@ -45,6 +47,7 @@ impl Scene {
         let spheres: Vec<Sphere> = spheres.into_iter().map(|(_, sphere)| sphere).collect();
         Self {
             accel: Accel::build(&meshes, &spheres),
+            creases: Creases::find(&meshes, |id| materials[id.0 as usize].is_diffuse()),
             materials,
             lights: all_lights,
             camera,

@@ -27,6 +27,6 @@ impl Shader<'_> {
         );
         work.counts.photons_visited += estimate.visited as u64;
         work.last_caustic.remember(surface.position, &estimate);
-        estimate
+        self.made_up(estimate, surface, self.settings.caustic.kernel)
     }
 }

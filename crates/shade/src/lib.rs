@@ -5,6 +5,7 @@
 
 mod caustic;
 mod chain;
+mod coverage;
 mod direct;
 mod indirect;
 mod point;
