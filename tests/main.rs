@@ -1,8 +1,14 @@
 //! Tests that cross crates.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+#![expect(clippy::print_stdout, reason = "with --nocapture, tests tell how far pictures are off")]
 
+mod agreement;
 mod architecture;
+mod edges;
+mod furnace;
 mod passes;
 mod path_tracer;
+mod renderer;
 mod scenes;
+mod transport;

@@ -1,0 +1,186 @@
+//! What the renderer shows, against the path tracer, on every kind of light and material.
+
+use std::path::{Path, PathBuf};
+
+use base::Rgb;
+use geometry::Mesh;
+use glam::{Vec3, Vec3A};
+use scene::{Camera, FovAxis, LightKind, Material, Parts, Specular, Spot};
+
+use crate::agreement::{Case, assert_agreement};
+use crate::scenes::{
+    add_light, add_mesh, add_sphere, black, cuboid, diffuse, emissive, empty, glass, mirror, quad,
+    room,
+};
+
+fn from_file(name: &str) -> Parts {
+    let path: PathBuf =
+        [env!("CARGO_MANIFEST_DIR"), "..", "scenes", name, "scene.toml"].iter().collect();
+    let (parts, warnings) = scene::load_parts(Path::new(&path)).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    parts
+}
+
+/// The room, seen from where no edge runs through the middles of pixels: there it is up to rounding what they show.
+fn room_from_aside(lamp_side: f32) -> Parts {
+    let eye = Vec3::new(0.13, 0.94, 3.9);
+    let camera = Camera::look_at(eye, Vec3::new(0.02, 1.01, 0.0), Vec3::Y, 38.0, FovAxis::Y);
+    Parts { camera, ..room(lamp_side) }
+}
+
+fn gold() -> Material {
+    let (eta, k) = (Rgb::new(0.18, 0.42, 1.37), Rgb::new(3.42, 2.35, 1.77));
+    Material { specular: Specular::Metal { eta, k }, ..black() }
+}
+
+fn green_glass() -> Material {
+    let absorption = Rgb::new(2.0, 0.3, 1.0);
+    Material { specular: Specular::Glass { ior: 1.5, absorption }, ..black() }
+}
+
+/// Reflects diffusely and as a mirror.
+fn polished() -> Material {
+    Material { albedo: Rgb::new(0.2, 0.4, 0.5), ..mirror(0.3) }
+}
+
+/// A ball made of flat triangles with their fronts outside: a stack of rings between two poles.
+fn faceted_ball(center: Vec3, radius: f32, n_rings: u32) -> Mesh {
+    let n_around = 2 * n_rings;
+    let mut mesh = Mesh::default();
+    for ring in 0..=n_rings {
+        for i in 0..n_around {
+            let theta = std::f64::consts::PI * f64::from(ring) / f64::from(n_rings);
+            let phi = std::f64::consts::PI * f64::from(i) / f64::from(n_rings);
+            let [x, y, z] = [theta.sin() * phi.cos(), theta.cos(), -theta.sin() * phi.sin()];
+            mesh.positions.push(center + Vec3::new(x as f32, y as f32, z as f32) * radius);
+        }
+    }
+    for ring in 0..n_rings {
+        for i in 0..n_around {
+            let at = |ring: u32, i: u32| ring * n_around + i % n_around;
+            let (a, b) = (at(ring, i), at(ring, i + 1));
+            let (c, d) = (at(ring + 1, i), at(ring + 1, i + 1));
+            if ring > 0 {
+                mesh.triangles.push([a, c, b]);
+            }
+            if ring + 1 < n_rings {
+                mesh.triangles.push([b, c, d]);
+            }
+        }
+    }
+    mesh
+}
+
+#[test]
+fn cornell_box() {
+    assert_agreement(&Case {
+        name: "cornell-box",
+        parts: from_file("cornell-box"),
+        samples_per_pixel: 512,
+        photons: 4_000_000,
+        radius: 0.06,
+    });
+}
+
+#[test]
+fn rabbit() {
+    assert_agreement(&Case {
+        name: "rabbit",
+        parts: from_file("rabbit"),
+        samples_per_pixel: 256,
+        photons: 3_000_000,
+        radius: 0.07,
+    });
+}
+
+/// A quad, a mesh, a point, a spot, a sun and a sky, all surfaces diffuse.
+#[test]
+fn each_light() {
+    assert_agreement(&Case {
+        name: "each-light",
+        parts: from_file("tests/each-light"),
+        samples_per_pixel: 256,
+        photons: 6_000_000,
+        radius: 0.06,
+    });
+}
+
+/// A light of too many pieces for a sum in closed form, between metal and a polished floor.
+#[test]
+fn glowing_ball() {
+    let mut parts = room_from_aside(0.3);
+    parts.meshes.remove(0);
+    let floor = quad(Vec3::new(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
+    add_mesh(&mut parts, floor, polished());
+    let ball = Material { albedo: Rgb::splat(0.4), ..emissive(Rgb::new(4.0, 2.0, 1.0)) };
+    add_mesh(&mut parts, faceted_ball(Vec3::new(-0.35, 1.2, -0.2), 0.3, 6), ball);
+    add_sphere(&mut parts, Vec3::new(0.4, 0.4, 0.1), 0.35, gold());
+    assert_agreement(&Case {
+        name: "glowing-ball",
+        parts,
+        samples_per_pixel: 512,
+        photons: 2_000_000,
+        radius: 0.03,
+    });
+}
+
+/// Caustics of a lamp that paths through glass find often: clear and absorbing glass, round and flat, and a mirror.
+#[test]
+fn glass_and_mirrors() {
+    let mut parts = room_from_aside(1.5);
+    add_sphere(&mut parts, Vec3::new(-0.45, 0.45, 0.2), 0.4, glass(1.5));
+    let block = cuboid(Vec3::new(0.15, 0.1, 0.1), Vec3::new(0.7, 0.8, 0.5));
+    add_mesh(&mut parts, block, green_glass());
+    add_sphere(&mut parts, Vec3::new(0.3, 1.3, -0.5), 0.4, mirror(0.9));
+    assert_agreement(&Case {
+        name: "glass-and-mirrors",
+        parts,
+        samples_per_pixel: 512,
+        photons: 2_000_000,
+        radius: 0.03,
+    });
+}
+
+/// Only the sky shines, on the ground and through glass, and is seen directly, mirrored and refracted.
+#[test]
+fn under_the_sky() {
+    let mut parts = empty(Vec3::new(0.31, 1.7, 6.1), Vec3::new(0.0, 0.62, 0.1), 34.0);
+    add_light(&mut parts, LightKind::Environment { radiance: Rgb::new(0.6, 0.8, 1.2) });
+    let ground = quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0);
+    add_mesh(&mut parts, ground, diffuse(Rgb::new(0.7, 0.6, 0.4)));
+    let block = cuboid(Vec3::new(-1.5, 0.0, -1.4), Vec3::new(-0.3, 1.3, -0.4));
+    add_mesh(&mut parts, block, diffuse(Rgb::splat(0.6)));
+    add_sphere(&mut parts, Vec3::new(-0.4, 0.5, 0.6), 0.45, glass(1.5));
+    add_sphere(&mut parts, Vec3::new(0.7, 0.5, -0.3), 0.5, gold());
+    add_sphere(&mut parts, Vec3::new(1.0, 0.3, 0.9), 0.28, polished());
+    assert_agreement(&Case {
+        name: "under-the-sky",
+        parts,
+        samples_per_pixel: 256,
+        photons: 6_000_000,
+        radius: 0.05,
+    });
+}
+
+/// A spot at one side of a room; a mirror and a glass ball at the other see by its light, but none of it comes to them
+/// directly, since the path tracer couldn't follow it further.
+#[test]
+fn spot_and_mirrors() {
+    let mut parts = room_from_aside(0.5);
+    parts.meshes.pop();
+    let position = Vec3A::new(-0.5, 1.7, 0.3);
+    let direction = (Vec3A::new(-0.6, 0.0, -0.3) - position).normalize();
+    let intensity = Rgb::new(9.0, 8.0, 7.0);
+    let spot = Spot { position, direction, intensity, cos_outer: 0.95, cos_inner: 0.98 };
+    add_light(&mut parts, LightKind::Spot(spot));
+    add_sphere(&mut parts, Vec3::new(0.5, 0.4, 0.2), 0.35, glass(1.5));
+    let panel = quad(Vec3::new(0.99, 0.3, 0.6), Vec3::Y * 1.2, Vec3::Z * -1.2);
+    add_mesh(&mut parts, panel, mirror(0.8));
+    assert_agreement(&Case {
+        name: "spot-and-mirrors",
+        parts,
+        samples_per_pixel: 256,
+        photons: 2_000_000,
+        radius: 0.03,
+    });
+}
