@@ -17,4 +17,4 @@ pub use accel::{Accel, Hit};
 pub use bounds::Bounds;
 pub use crease::{Crease, Creases};
 pub use mesh::{MaterialId, Mesh, Sphere};
-pub use surface::Surface;
+pub use surface::{MAX_SHADING_GAIN, Surface};

@@ -4,6 +4,10 @@ use glam::Vec3A;
 
 use crate::MaterialId;
 
+/// The most that interpolated normals may increase flux at a surface. Without a limit photons that graze the true surface
+/// would carry any amount; what this one cuts off is next to nothing.
+pub const MAX_SHADING_GAIN: f32 = 8.0;
+
 /// A point of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
@@ -42,5 +46,17 @@ impl Surface {
         } else {
             *self
         }
+    }
+
+    /// How much more light from `dir` the surface receives by its shading normal than lands on it (Veach 1997, section
+    /// 5.3): radiance is weighted by the cosine at the shading normal, and photons land in proportion to that at the
+    /// true one. Both normals are on the side of `dir`.
+    #[inline]
+    pub fn shading_gain(&self, dir: Vec3A) -> f32 {
+        if self.shading_normal == self.geometric_normal {
+            return 1.0;
+        }
+        let lands = dir.dot(self.geometric_normal);
+        (dir.dot(self.shading_normal).max(0.0) / lands).min(MAX_SHADING_GAIN)
     }
 }

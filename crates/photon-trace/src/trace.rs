@@ -6,7 +6,7 @@ use base::{
 };
 use glam::Vec2;
 use rayon::prelude::*;
-use scene::{Light, Material, Scene, Transport};
+use scene::{Light, Material, Scene, SpecularBounce, Transport};
 
 use crate::{Budget, photons_of_lights};
 
@@ -162,13 +162,15 @@ impl Emitter<'_> {
 
             // Store where the surface scatters diffusely.
             let facing = surface.facing(w_o);
+            let gain = facing.shading_gain(w_o);
             if material.is_diffuse() {
                 let photon = Photon {
                     position: surface.position.into(),
                     normal: encode_octahedral(facing.shading_normal),
-                    flux,
+                    flux: flux * gain,
                 };
                 match class {
+                    _ if gain == 0.0 => {}
                     PhotonClass::Direct if !self.config.store_direct => {}
                     PhotonClass::Direct => out.direct.push(photon),
                     PhotonClass::Caustic => out.caustic.push(photon),
@@ -176,18 +178,27 @@ impl Emitter<'_> {
                 }
             }
 
-            // Let one number choose between the diffuse part, the specular directions, and the end.
+            // Let one number choose between the diffuse part, the specular directions, and the end. Shading normals may
+            // gain more than is lost; then there is no end, and the flux grows.
+            let bounces = material.specular_bounces(&surface, w_o, Transport::Flux);
+            let weight_of =
+                |bounce: &Option<SpecularBounce>| bounce.map_or(Rgb::BLACK, |b| b.weight);
+            let diffuse = material.albedo * gain;
+            let share = |weight: Rgb| (flux * weight).mean() / flux.mean();
+            let sum = share(diffuse) + bounces.iter().map(|b| share(weight_of(b))).sum::<f32>();
+            let scale = sum.max(1.0);
             let mut u = roulette.next_f32();
             let mut choose = |weight: Rgb| {
-                let p = (flux * weight).mean() / flux.mean();
+                let p = share(weight) / scale;
                 let chosen = u < p;
                 u -= p;
                 chosen.then(|| flux * weight / p)
             };
-            if let Some(rest) = choose(material.albedo) {
+            if let Some(rest) = choose(diffuse) {
+                // Around the true normal: it tells how much of the surface is seen from a direction.
                 let local =
                     warp::cosine_hemisphere(Vec2::new(scatter.next_f32(), scatter.next_f32()));
-                let dir = Frame::new(facing.shading_normal).to_world(local).normalize();
+                let dir = Frame::new(facing.geometric_normal).to_world(local).normalize();
                 if dir.dot(facing.geometric_normal) <= 0.0 {
                     out.account.absorbed += 1;
                     return;
@@ -196,7 +207,6 @@ impl Emitter<'_> {
                 ray = Ray::unbounded(surface.leave(dir), dir);
                 continue;
             }
-            let bounces = material.specular_bounces(&surface, w_o, Transport::Flux);
             let chosen =
                 bounces.into_iter().flatten().find_map(|b| choose(b.weight).map(|rest| (b, rest)));
             let Some((bounce, rest)) = chosen else {

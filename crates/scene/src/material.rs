@@ -1,7 +1,7 @@
 //! What surfaces are made of: a diffuse part and a specular part, Eq. (6), and emission.
 
 use base::{Rgb, math};
-use geometry::Surface;
+use geometry::{MAX_SHADING_GAIN, Surface};
 use glam::Vec3A;
 
 use crate::{fresnel_conductor, fresnel_dielectric};
@@ -51,7 +51,8 @@ pub enum Specular {
 pub enum Transport {
     /// From the eye: weights hold the factor `(eta_i / eta_t)^2` (Veach 1997, section 5.2).
     Radiance,
-    /// From the light.
+    /// From the light: weights hold the factor by which interpolated normals are not symmetric (Veach 1997, section 5.3),
+    /// so that photons show what eye rays see.
     Flux,
 }
 
@@ -109,10 +110,17 @@ impl Material {
         if n.dot(w_o) <= 0.0 || reflected_about(n).dot(n_g) <= 0.0 {
             n = n_g;
         }
-        let reflection = |n: Vec3A, weight: Rgb| SpecularBounce {
-            dir: reflected_about(n).normalize(),
-            weight,
-            transmitted: false,
+        let gain = |n: Vec3A, dir: Vec3A| match transport {
+            Transport::Radiance => 1.0,
+            Transport::Flux => {
+                let gained = (n.dot(w_o) * n_g.dot(dir)).abs();
+                let lost = (n_g.dot(w_o) * n.dot(dir)).abs();
+                if gained == lost { 1.0 } else { (gained / lost).min(MAX_SHADING_GAIN) }
+            }
+        };
+        let reflection = |n: Vec3A, weight: Rgb| {
+            let dir = reflected_about(n).normalize();
+            SpecularBounce { dir, weight: weight * gain(n, dir), transmitted: false }
         };
         match self.specular {
             Specular::None => [None, None],
@@ -134,7 +142,7 @@ impl Material {
                 };
                 let transmission = refracted.map(|dir| SpecularBounce {
                     dir,
-                    weight: Rgb::splat((1.0 - f) * squeeze),
+                    weight: Rgb::splat((1.0 - f) * squeeze * gain(n, dir)),
                     transmitted: true,
                 });
                 [Some(reflection(n, Rgb::splat(f))), transmission]
