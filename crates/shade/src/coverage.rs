@@ -2,10 +2,10 @@
 //!
 //! Beyond the edge no photon could land, so the estimate lacks what the kernel has there: a half at an edge, three
 //! quarters in a corner. Dividing by the part of the kernel that lies on the surface makes up for it (the simplest of the
-//! boundary corrections of Silverman 1986, section 2.10; Jensen 2001, section 7.3.2, divides by the area of the convex
-//! hull of the photons instead, which is noisy). That part is known exactly for flat surfaces: each crease hides a sector
-//! of the disc from its center. Creases of neighbors in the same plane hide negative sectors, so that what several
-//! meshes tile comes out whole, and the bottom of a box that stands on a floor hides what it covers.
+//! boundary corrections of Silverman 1986, section 2.10). That part is known exactly for flat surfaces: each crease hides
+//! a sector of the disc from its center. Creases of neighbors in the same plane hide negative sectors, so that what
+//! several meshes tile comes out whole, and the bottom of a box that stands on a floor hides what it covers. Where the
+//! surface goes on at an angle, the photons beyond count as long as the line to them is flat enough.
 //!
 //! Surfaces that cut through each other away from their edges aren't seen, and neither are spheres.
 
@@ -66,6 +66,9 @@ impl Shader<'_> {
             // Where the point itself lies on the edge, both are rounding errors.
             let slack = 4.0 * surface.error;
             if height.abs() <= MAX_SINE_HEIGHT * nearest.length() + slack {
+                // Beyond a line at distance s on a surface that turns away, photons up to distance t rise by less than the
+                // limit if (t - s) * turn < limit * t: as if the line were farther away.
+                let scale = scale / (1.0 - MAX_SINE_HEIGHT / crease.turn);
                 let part = kernel.hidden(h.abs() * scale, start * scale, (start + length) * scale);
                 let part = if h >= -slack { part } else { -part };
                 *(if cos > 0.0 { &mut hidden } else { &mut hidden_behind }) += part;

@@ -20,7 +20,8 @@ impl Shader<'_> {
         let guess = work.last_indirect.guess(surface.position);
         let estimate = self.photons.indirect.irradiance(
             surface.position,
-            surface.shading_normal,
+            // The true one: photons of this surface lie in its plane, however it is shaded.
+            surface.geometric_normal,
             &self.settings.indirect,
             guess,
             &mut work.scratch,
