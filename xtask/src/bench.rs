@@ -1,16 +1,21 @@
 //! `cargo xtask bench`: the paper's tables and figures from our own runs, measured so that nothing can flatter.
 
+mod against;
 mod environment;
 mod figures;
 mod gallery;
 mod measure;
+mod micro;
 mod outside;
 mod paper;
 mod plan;
 mod raw;
+mod readme;
 mod reasons;
+mod record;
 mod report;
 mod runs;
+mod spread;
 mod tables;
 
 use std::fmt::Write as _;
@@ -31,7 +36,10 @@ use crate::table::Table;
 ///
 /// Runs are kept as they end: a bench that was interrupted goes on where it was when it is started again.
 #[derive(clap::Args, Debug)]
+#[command(args_conflicts_with_subcommands = true)]
 pub(crate) struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// Scene to render: a folder of scenes/, or a path; may be given several times [default: cornell-box, rabbit]
     #[arg(long, value_name = "SCENE")]
     scene: Vec<String>,
@@ -59,6 +67,17 @@ pub(crate) struct Args {
     /// Run everything anew, whatever was run before
     #[arg(long)]
     fresh: bool,
+    /// Keep the run under this name in xtask/runs, and show it in the README
+    #[arg(long, value_name = "NAME", value_parser = record::parse_name)]
+    record: Option<String>,
+    /// Compare with the recorded run of this name
+    #[arg(long, value_name = "NAME", value_parser = record::parse_name)]
+    against: Option<String>,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum Command {
+    Micro(micro::Args),
 }
 
 /// Measures, and writes tables and report.
@@ -67,6 +86,13 @@ pub(crate) struct Args {
 /// When a program can't be built or fails, or when runs contradict each other.
 #[expect(clippy::print_stdout, reason = "the tables are the command's result")]
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(Command::Micro(args)) = &args.command {
+        return micro::run(args);
+    }
+    // Before an hour of work.
+    args.record.as_deref().map_or(Ok(()), record::check_free)?;
+    let then = args.against.as_deref().map(record::load).transpose()?;
+
     let plan = Plan::new(args, programs::build()?)?;
     let environment = Environment::here(command_line())?;
     let earlier = if args.fresh { Earlier::Discard } else { Earlier::Reuse };
@@ -75,14 +101,27 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
     let text = text(&environment, &runs)?;
     print!("{text}");
-    let galleries = galleries(&plan, &runs, DETAIL)?;
-    let page = report::page(&environment, &runs, &galleries);
+    let page = |detail| -> anyhow::Result<String> {
+        Ok(report::page(&environment, &runs, &galleries(&plan, &runs, detail)?))
+    };
+    let markdown = markdown(&runs);
     for (name, contents) in
-        [("tables.txt", &text), ("tables.md", &markdown(&runs)), ("report.html", &page)]
+        [("tables.txt", &text), ("tables.md", &markdown), ("report.html", &page(DETAIL)?)]
     {
         let path = root().join(&plan.out).join(name);
         atomic_file::write(&path, Existing::Replace, |out| out.write_all(contents.as_bytes()))?;
         println!("{}", plan.out.join(name).display());
+    }
+    if let Some(then) = &then {
+        let (tables, changes) = against::against(&runs, &then.runs);
+        println!("\nThen: commit {} on {}", then.environment.commit, then.environment.processor);
+        tables.iter().for_each(|table| println!("\n{table}"));
+        changes.iter().for_each(|change| println!("{change}"));
+    }
+    if let Some(name) = &args.record {
+        record::keep(name, &environment, &records, &markdown, &page(record::DETAIL)?)?;
+        readme::update(name)?;
+        println!("{} and README.md", record::folder(name).display());
     }
     Ok(())
 }

@@ -189,7 +189,15 @@ impl Step {
         if let Pass::Build = self.run.pass {
             record.build_stats()?;
         } else {
-            record.render_stats()?;
+            let stats = record.render_stats()?;
+            for (clock, seconds) in [("wall", stats.seconds), ("CPU", stats.cpu_seconds)] {
+                // The stages are timed in turns, so together they take no longer than the whole.
+                ensure!(
+                    seconds.rest() >= -0.01 * seconds.total - 0.01,
+                    "the stages take longer than the whole in {clock} seconds, so this run can't be trusted:\n  {}",
+                    self.call
+                );
+            }
             record.quality = quality(plan, &self.run)?;
         }
         Ok(record)

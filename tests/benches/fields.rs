@@ -1,0 +1,193 @@
+//! Rays, photons and places to gather at, the same in every run.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use base::{ImageSize, Photon, Ray, Rng, Stream, warp};
+use glam::{Vec2, Vec3A};
+use photon_map::{Gather, Kernel, PhotonSet, Scratch};
+use photon_trace::{Budget, Config, trace};
+use scene::Scene;
+
+use crate::peer::Peer;
+
+/// Side of the picture whose pixels rays and gathers belong to.
+pub(crate) const SIDE: u32 = 128;
+pub(crate) const SIZE: ImageSize = ImageSize { width: SIDE, height: SIDE };
+/// Rays or gathers in an iteration.
+pub(crate) const N_QUERIES: usize = 16_384;
+
+/// Which rays or gathers follow one another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Order {
+    /// Neighbors, as in the scan of a picture.
+    Coherent,
+    /// Any two.
+    Random,
+}
+
+impl Order {
+    pub(crate) const ALL: [Self; 2] = [Self::Coherent, Self::Random];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Coherent => "coherent",
+            Self::Random => "random",
+        }
+    }
+}
+
+/// A place on a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Point {
+    pub(crate) position: Vec3A,
+    /// On the side of the eye.
+    pub(crate) normal: Vec3A,
+}
+
+/// A scene of the paper.
+pub(crate) fn scene(name: &str) -> Scene {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
+    scene::load(&scenes.join(name).join("scene.toml"))
+        .expect("the scene is in the repository")
+        .scene
+}
+
+/// What the eye sees in each pixel.
+pub(crate) fn primary(scene: &Scene) -> Vec<Option<Point>> {
+    let point = |i: usize| {
+        let ray = eye_ray(scene, i);
+        let hit = scene.accel.closest_hit(&ray)?;
+        let surface = scene.accel.surface(&ray, &hit).facing(-ray.dir());
+        Some(Point { position: surface.position, normal: surface.geometric_normal })
+    };
+    (0..SIZE.n_pixels()).map(point).collect()
+}
+
+fn eye_ray(scene: &Scene, i: usize) -> Ray {
+    let pixel = SIZE.pixel(i);
+    scene.camera.ray(SIZE, Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5))
+}
+
+/// [`N_QUERIES`] of the points that the eye sees: each of them about as often as any other.
+fn seen(scene: &Scene) -> Vec<Point> {
+    let points: Vec<Point> = primary(scene).into_iter().flatten().collect();
+    (0..N_QUERIES).map(|i| points[i * points.len() / N_QUERIES]).collect()
+}
+
+fn rng(index: u64) -> Rng {
+    Rng::new(0, Stream::Test, index)
+}
+
+/// Fisher and Yates, as given by Knuth.
+fn shuffle<T>(values: &mut [T]) {
+    let mut rng = rng(1);
+    for i in (1..values.len()).rev() {
+        values.swap(i, rng.next_u32() as usize % (i + 1));
+    }
+}
+
+/// Rays without an end: those of the eye, or from what it sees to anywhere above, shuffled.
+pub(crate) fn rays(scene: &Scene, order: Order) -> Vec<Ray> {
+    if order == Order::Coherent {
+        return (0..N_QUERIES).map(|i| eye_ray(scene, i % SIZE.n_pixels())).collect();
+    }
+    let mut points = seen(scene);
+    shuffle(&mut points);
+    let mut rng = rng(2);
+    let bounce = |p: &Point| {
+        let frame = base::Frame::new(p.normal);
+        let dir = frame.to_world(warp::cosine_hemisphere(rng.next_2d()));
+        Ray::unbounded(p.position + p.normal * 1e-3, dir)
+    };
+    points.iter().map(bounce).collect()
+}
+
+/// Rays with an end: from what the eye sees to a lamp, or from anywhere that it sees to anywhere else.
+pub(crate) fn occlusion_rays(scene: &Scene, order: Order) -> Vec<Ray> {
+    let points = seen(scene);
+    let center: Vec3A = scene.bounds().center().into();
+    let lamp = center + Vec3A::Y * 0.49 * (scene.bounds().max.y - scene.bounds().min.y);
+    let mut targets = points.clone();
+    shuffle(&mut targets);
+    let mut sources = points;
+    if order == Order::Random {
+        sources.rotate_left(N_QUERIES / 3);
+        shuffle(&mut sources);
+    }
+    let between = |(p, q): (&Point, &Point)| {
+        let origin = p.position + p.normal * 1e-3;
+        let target = if order == Order::Coherent { lamp } else { q.position + q.normal * 1e-3 };
+        let way = target - origin;
+        let length = way.length();
+        (length > 1e-3).then(|| Ray::new(origin, way / length, length))
+    };
+    let mut rays: Vec<Ray> = sources.iter().zip(&targets).filter_map(between).collect();
+    // The few that lead nowhere are replaced, so that there are always as many.
+    while rays.len() < N_QUERIES {
+        rays.push(rays[rays.len() / 2]);
+    }
+    rays
+}
+
+/// The indirect photons of a scene, with what is asked of them.
+pub(crate) struct Field {
+    /// As they were emitted.
+    pub(crate) photons: Vec<Photon>,
+    points: Vec<Point>,
+    set: OnceLock<PhotonSet>,
+    peer: OnceLock<Peer>,
+    radius: OnceLock<f32>,
+}
+
+impl Field {
+    /// So many photons: as many as that are stored of a shot that stores more.
+    pub(crate) fn new(scene: &Scene, n: usize) -> Self {
+        // Somewhat more than half of the photons emitted in the Cornell box are stored as indirect ones.
+        let config = Config {
+            budget: Budget::Total(2 * n as u64),
+            seed: 0,
+            max_bounces: 1024,
+            store_direct: false,
+        };
+        let traced = trace(scene, &config, &|_| true).expect("nobody asks for a stop");
+        let mut photons = traced.indirect;
+        assert!(photons.len() >= n, "{} photons were stored, and {n} are wanted", photons.len());
+        photons.truncate(n);
+        let (set, peer, radius) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        Self { photons, points: seen(scene), set, peer, radius }
+    }
+
+    /// The places to gather at.
+    pub(crate) fn points(&self, order: Order) -> Vec<Point> {
+        let mut points = self.points.clone();
+        if order == Order::Random {
+            shuffle(&mut points);
+        }
+        points
+    }
+
+    /// Our kd-tree.
+    pub(crate) fn set(&self) -> &PhotonSet {
+        self.set.get_or_init(|| PhotonSet::build(&self.photons))
+    }
+
+    /// The same photons in a tree of kiddo.
+    pub(crate) fn peer(&self) -> &Peer {
+        self.peer.get_or_init(|| Peer::new(&self.photons))
+    }
+
+    /// The radius within which some 100 photons lie: the median over the places to gather at.
+    pub(crate) fn radius(&self) -> f32 {
+        *self.radius.get_or_init(|| {
+            let gather = Gather { k: 100, max_radius: 1e3, kernel: Kernel::Box };
+            let mut scratch = Scratch::default();
+            let radius = |p: &Point| {
+                self.set().irradiance(p.position, p.normal, &gather, None, &mut scratch).radius
+            };
+            let mut radii: Vec<f32> = self.points.iter().map(radius).collect();
+            radii.sort_by(f32::total_cmp);
+            radii[radii.len() / 2]
+        })
+    }
+}

@@ -1,0 +1,238 @@
+//! Rates of the stages that work on speed is judged by, each on one thread: rays, photons, queries and pixels a second.
+//!
+//! `cargo xtask bench micro [FILTER]` runs them. Scenes and photons are made when the first benchmark asks for them.
+
+mod fields;
+mod peer;
+
+use std::hint::black_box;
+use std::path::Path;
+use std::sync::LazyLock;
+use std::time::Duration;
+
+use atomic_file::Existing;
+use base::{Component, Grid, Rgb};
+use cache_map::{
+    CacheMap, Lattice, Layer, Origin, Rule, SurfacePoint, Thresholds, Tolerance, choose_pixels,
+    refine,
+};
+use criterion::measurement::WallTime;
+use criterion::{BatchSize, BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput};
+use geometry::Accel;
+use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet, Scratch};
+use photon_trace::{Budget, Config, trace};
+use scene::Scene;
+
+use crate::fields::{Field, N_QUERIES, Order, Point, SIDE, occlusion_rays, rays, scene};
+
+static RABBIT: LazyLock<Scene> = LazyLock::new(|| scene("rabbit"));
+static BOX: LazyLock<Scene> = LazyLock::new(|| scene("cornell-box"));
+static FIELDS: [LazyLock<Field>; 2] =
+    [LazyLock::new(|| Field::new(&BOX, 1_000_000)), LazyLock::new(|| Field::new(&BOX, 4_000_000))];
+
+fn main() {
+    let mut criterion = Criterion::default()
+        .warm_up_time(Duration::from_secs(1))
+        .measurement_time(Duration::from_secs(4))
+        .sample_size(10)
+        .configure_from_args();
+    // Rates are those of one thread.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+    pool.build_global().expect("nothing has used the pool yet");
+    bvh(&mut criterion);
+    photon_tracing(&mut criterion);
+    trees(&mut criterion);
+    gathers(&mut criterion);
+    interpolation(&mut criterion);
+    map_open(&mut criterion);
+    criterion.final_summary();
+}
+
+fn group<'a>(criterion: &'a mut Criterion, name: &str, n: usize) -> BenchmarkGroup<'a, WallTime> {
+    let mut group = criterion.benchmark_group(name);
+    group.throughput(Throughput::Elements(n as u64)).sampling_mode(SamplingMode::Flat);
+    group
+}
+
+/// Rays through the rabbit: some 70,000 triangles of glass in a box.
+fn bvh(criterion: &mut Criterion) {
+    let mut group = group(criterion, "bvh", N_QUERIES);
+    for order in Order::ALL {
+        group.bench_function(BenchmarkId::new("closest hit", order.name()), |b| {
+            let rays = rays(&RABBIT, order);
+            let accel: &Accel = &RABBIT.accel;
+            b.iter(|| {
+                rays.iter().filter_map(|ray| accel.closest_hit(ray)).map(|hit| hit.t).sum::<f32>()
+            });
+        });
+        group.bench_function(BenchmarkId::new("occlusion", order.name()), |b| {
+            let rays = occlusion_rays(&RABBIT, order);
+            let accel: &Accel = &RABBIT.accel;
+            b.iter(|| rays.iter().filter(|ray| accel.occluded(ray)).count());
+        });
+    }
+}
+
+/// Photons a second from emission to absorption.
+fn photon_tracing(criterion: &mut Criterion) {
+    const N: u64 = 100_000;
+    let mut group = group(criterion, "photon tracing", N as usize);
+    for (name, scene) in [("cornell-box", &BOX), ("rabbit", &RABBIT)] {
+        group.bench_function(name, |b| {
+            let config = Config {
+                budget: Budget::Total(N),
+                seed: 0,
+                max_bounces: 1024,
+                store_direct: false,
+            };
+            b.iter(|| trace(scene, &config, &|_| true));
+        });
+    }
+}
+
+/// Photons a second into a kd-tree.
+fn trees(criterion: &mut Criterion) {
+    for field in &FIELDS {
+        let n = if std::ptr::eq(field, &FIELDS[0]) { 1_000_000 } else { 4_000_000 };
+        let mut group = group(criterion, "kd-tree build", n);
+        group.bench_function(format!("{n}"), |b| b.iter(|| PhotonSet::build(&field.photons)));
+        group.bench_function(format!("{n}, kiddo"), |b| {
+            let positions = peer::positions(&field.photons);
+            b.iter(|| peer::build(&positions));
+        });
+    }
+}
+
+/// Gathers a second around what an eye sees, in the order of its pixels and shuffled.
+fn gathers(criterion: &mut Criterion) {
+    for (name, field) in ["1 M", "4 M"].into_iter().zip(&FIELDS) {
+        let mut group = group(criterion, &format!("gather from {name} photons"), N_QUERIES);
+        for order in Order::ALL {
+            for k in [100, 500] {
+                group.bench_function(BenchmarkId::new(format!("{k} nearest"), order.name()), |b| {
+                    let (points, set) = (field.points(order), field.set());
+                    let gather = Gather { k, max_radius: 1e3, kernel: Kernel::Epanechnikov };
+                    let mut scratch = Scratch::default();
+                    b.iter(|| {
+                        let mut sum = Rgb::BLACK;
+                        for Point { position, normal } in &points {
+                            sum += set
+                                .irradiance(*position, *normal, &gather, None, &mut scratch)
+                                .irradiance;
+                        }
+                        sum
+                    });
+                });
+                group.bench_function(
+                    BenchmarkId::new(format!("{k} nearest, kiddo"), order.name()),
+                    |b| {
+                        let (points, peer) = (field.points(order), field.peer());
+                        b.iter(|| points.iter().map(|p| peer.nearest(p.position, k)).sum::<Rgb>());
+                    },
+                );
+            }
+            group.bench_function(BenchmarkId::new("within a radius", order.name()), |b| {
+                let (points, set, radius) = (field.points(order), field.set(), field.radius());
+                b.iter(|| {
+                    let mut sum = Rgb::BLACK;
+                    for Point { position, normal } in &points {
+                        sum += set
+                            .irradiance_within(*position, *normal, radius, Kernel::Epanechnikov)
+                            .irradiance;
+                    }
+                    sum
+                });
+            });
+            group.bench_function(BenchmarkId::new("within a radius, kiddo", order.name()), |b| {
+                let (points, peer, radius) = (field.points(order), field.peer(), field.radius());
+                b.iter(|| points.iter().map(|p| peer.within(p.position, radius)).sum::<Rgb>());
+            });
+        }
+    }
+}
+
+/// Pixels a second, of one component: the paper's search among candidates, and the refinement of mode `adaptive`.
+fn interpolation(criterion: &mut Criterion) {
+    let n_pixels = (SIDE * SIDE) as usize;
+    let mut group = group(criterion, "interpolation", n_pixels);
+    let surfaces = || {
+        let points = fields::primary(&BOX);
+        Grid::from_values(fields::SIZE, points.into_iter().map(surface_point).collect())
+    };
+    for component in [Component::Direct, Component::Caustic] {
+        group.bench_function(BenchmarkId::new("paper", component), |b| {
+            let surfaces = surfaces();
+            let samples = choose_pixels(fields::SIZE, 1.0 / 16.0, 0);
+            let value = if component == Component::Caustic { Rgb::BLACK } else { Rgb::ONE };
+            let values = vec![value; samples.len()];
+            // So loose that every pixel with a candidate is interpolated, as at high resolution.
+            let thresholds =
+                Thresholds { direct: 1.0, indirect: 1.0, specular: 1.0, r0: 5.0, reach: 4 };
+            let prepared = || {
+                let mut map = CacheMap::new(surfaces.clone());
+                map.record(component, &samples, &values, Origin::Sampled);
+                map
+            };
+            let interpolate = |mut map: CacheMap| {
+                let to_trace = map.plan(component, &thresholds);
+                (to_trace.len(), map.interpolate(component, &thresholds), map)
+            };
+            b.iter_batched(prepared, interpolate, BatchSize::LargeInput);
+        });
+    }
+    group.bench_function(BenchmarkId::new("adaptive", "lattice"), |b| {
+        let surfaces = surfaces();
+        b.iter(|| Lattice::new(&surfaces, 16));
+    });
+    group.bench_function(BenchmarkId::new("adaptive", "refinement"), |b| {
+        let lattice = Lattice::new(&surfaces(), 16);
+        b.iter(|| {
+            let mut layer = Layer::<Rgb>::new(n_pixels);
+            let tolerance = Tolerance { error: 0.05, edge: 0.5 };
+            let ones = &mut |pixels: &[base::Pixel]| Ok::<_, ()>(vec![Rgb::ONE; pixels.len()]);
+            refine(&lattice, &mut layer, 16, &Even, tolerance, ones).map(|()| layer)
+        });
+    });
+}
+
+/// All pixels matter alike.
+struct Even;
+
+impl Rule<Rgb> for Even {
+    fn gain(&self, _: usize) -> f32 {
+        1.0
+    }
+    fn reference(&self, _: usize, _: Rgb) -> f32 {
+        1.0
+    }
+    fn spacing(&self, _: usize) -> u32 {
+        16
+    }
+}
+
+fn surface_point(point: Option<Point>) -> Option<SurfacePoint> {
+    point.map(|p| SurfacePoint { position: p.position.into(), normal: p.normal.into() })
+}
+
+/// Photons a second that are ready for use after opening a map.
+fn map_open(criterion: &mut Criterion) {
+    for (n, field) in [1_000_000, 4_000_000].into_iter().zip(&FIELDS) {
+        let mut group = group(criterion, "map open", n);
+        group.bench_function(format!("{n}"), |b| {
+            let folder = tempfile::tempdir().expect("there is room for a map");
+            let path = folder.path().join("maps.photons");
+            save(&path, field);
+            b.iter(|| black_box(PhotonMaps::open(&path).expect("the map was just saved")));
+        });
+    }
+}
+
+fn save(path: &Path, field: &Field) {
+    let maps = PhotonMaps {
+        metadata: Metadata::default(),
+        direct: None,
+        caustic: PhotonSet::build(&[]),
+        indirect: field.set().clone(),
+    };
+    maps.save(path, Existing::Refuse, "bench", "bench").expect("the folder is new and empty");
+}
