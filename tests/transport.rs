@@ -184,3 +184,27 @@ fn spot_and_mirrors() {
         radius: 0.03,
     });
 }
+
+/// Triangles with interpolated normals, few enough for these to lie far from those of the surface.
+#[test]
+fn smooth_meshes() {
+    // From close by: the balls fill the picture.
+    let eye = Vec3::new(-0.1, 0.8, 2.3);
+    let camera = Camera::look_at(eye, Vec3::new(0.02, 0.51, 0.0), Vec3::Y, 34.0, FovAxis::Y);
+    let mut parts = Parts { camera, ..room(0.7) };
+    let (center, radius) = (Vec3::new(-0.3, 0.55, 0.1), 0.5);
+    let ball = faceted_ball(center, radius, 5);
+    let normals = ball.positions.iter().map(|&p| (p - center).normalize()).collect();
+    add_mesh(&mut parts, Mesh { normals, ..ball }, diffuse(Rgb::splat(0.8)));
+    let center = Vec3::new(0.5, 0.35, 0.4);
+    let ball = faceted_ball(center, 0.3, 5);
+    let normals = ball.positions.iter().map(|&p| (p - center).normalize()).collect();
+    add_mesh(&mut parts, Mesh { normals, ..ball }, gold());
+    assert_agreement(&Case {
+        name: "smooth-meshes",
+        parts,
+        samples_per_pixel: 512,
+        photons: 3_000_000,
+        radius: 0.03,
+    });
+}
