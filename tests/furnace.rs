@@ -2,14 +2,16 @@
 //! `L (1 + rho + rho^2 + ...)`, whatever perfect mirrors and clear glass stand in it.
 
 use base::{Component, Grid, ImageSize, Rgb};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use photon_map::{Gather, Kernel};
+use photon_trace::{Budget, Config};
 use scene::{LightKind, Material, Parts, Scene};
 use shade::{Settings, Shader};
 
 use crate::renderer::{self, Rendering};
 use crate::scenes::{
-    add_light, add_mesh, add_sphere, cuboid, diffuse, emissive, empty, furnace, glass, mirror, quad,
+    add_light, add_mesh, add_sphere, cuboid, diffuse, emissive, empty, furnace, glass, mirror,
+    quad, smooth_ball,
 };
 
 const N_PHOTONS: u64 = 1_000_000;
@@ -105,4 +107,50 @@ fn white_things_under_the_sky() {
     add_sphere(&mut parts, Vec3::new(0.7, 0.4, 0.0), 0.4, white);
     let picture = rendering(parts, 64, 0);
     assert_mean("under the sky", &picture.total(), 1.0, 0.005);
+}
+
+/// A shading normal that is off the true one by an angle `a` loses what lies below the surface: of a white sky
+/// `(1 + cos a) / 2` is left. Eye rays and photons agree on it.
+#[test]
+fn smooth_balls_under_the_sky() {
+    let mut parts = empty(Vec3::new(0.5, 0.4, 5.0), Vec3::ZERO, 20.0);
+    add_light(&mut parts, LightKind::Environment { radiance: Rgb::ONE });
+    let ball = smooth_ball(Vec3::ZERO, 1.0, 4);
+    add_mesh(&mut parts, ball.clone(), diffuse(Rgb::ONE));
+    let scene = Scene::assemble(parts.clone());
+
+    let direct = rendering(parts, 256, 0).components.direct;
+    let (mut n, mut squares) = (0.0, 0.0);
+    for i in 0..SIZE.n_pixels() {
+        let pixel = SIZE.pixel(i);
+        let ray = scene.camera.ray(SIZE, Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5));
+        let Some(hit) = scene.accel.closest_hit(&ray) else { continue };
+        let surface = scene.accel.surface(&ray, &hit);
+        let left = 0.5 + 0.5 * surface.shading_normal.dot(surface.geometric_normal);
+        (n, squares) = (n + 1.0, squares + (direct[pixel].g - left).powi(2));
+    }
+    let rms: f32 = (squares / n).sqrt();
+    assert!(n > 500.0 && rms < 0.01, "rms error {rms} at {n} pixels");
+
+    let config =
+        Config { budget: Budget::Total(N_PHOTONS), seed: 0, max_bounces: 100, store_direct: true };
+    let traced = photon_trace::trace(&scene, &config, &|_| true).expect("nobody interrupts");
+    let landed: f64 = traced.direct.iter().map(|photon| f64::from(photon.flux.g)).sum();
+    let mut expected = 0.0;
+    for (t, corners) in ball.triangles.iter().enumerate() {
+        let [a, b, c] = ball.corners(t);
+        let cross = (b - a).cross(c - a);
+        // Over the middles of 32 x 32 equal parts of the triangle, upright or upside down.
+        for (i, j) in (0..32_u8).flat_map(|i| (0..32_u8).map(move |j| (i, j))) {
+            let third = if i + j < 32 { 1.0 / 3.0 } else { -1.0 / 3.0 };
+            let [x, y] = if i + j < 32 { [i, j] } else { [32 - i, 32 - j] };
+            let [x, y] = [x, y].map(|v| (f32::from(v) + third) / 32.0);
+            let [na, nb, nc] = corners.map(|corner| ball.normals[corner as usize]);
+            let normal = (na * (1.0 - x - y) + nb * x + nc * y).normalize();
+            let left = 0.5 + 0.5 * normal.dot(cross.normalize());
+            expected += f64::from(0.5 * cross.length() / 1024.0 * left) * std::f64::consts::PI;
+        }
+    }
+    println!("photons bring {:.5} of what is expected", landed / expected);
+    assert!((landed / expected - 1.0).abs() < 0.003, "{landed} instead of {expected}");
 }

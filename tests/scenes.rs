@@ -98,6 +98,41 @@ pub(crate) fn cuboid(min: Vec3, max: Vec3) -> Mesh {
     mesh
 }
 
+/// A ball made of flat triangles with their fronts outside: a stack of rings between two poles.
+pub(crate) fn faceted_ball(center: Vec3, radius: f32, n_rings: u32) -> Mesh {
+    let n_around = 2 * n_rings;
+    let mut mesh = Mesh::default();
+    for ring in 0..=n_rings {
+        for i in 0..n_around {
+            let theta = std::f64::consts::PI * f64::from(ring) / f64::from(n_rings);
+            let phi = std::f64::consts::PI * f64::from(i) / f64::from(n_rings);
+            let [x, y, z] = [theta.sin() * phi.cos(), theta.cos(), -theta.sin() * phi.sin()];
+            mesh.positions.push(center + Vec3::new(x as f32, y as f32, z as f32) * radius);
+        }
+    }
+    for ring in 0..n_rings {
+        for i in 0..n_around {
+            let at = |ring: u32, i: u32| ring * n_around + i % n_around;
+            let (a, b) = (at(ring, i), at(ring, i + 1));
+            let (c, d) = (at(ring + 1, i), at(ring + 1, i + 1));
+            if ring > 0 {
+                mesh.triangles.push([a, c, b]);
+            }
+            if ring + 1 < n_rings {
+                mesh.triangles.push([b, c, d]);
+            }
+        }
+    }
+    mesh
+}
+
+/// The same with interpolated normals: those of a sphere.
+pub(crate) fn smooth_ball(center: Vec3, radius: f32, n_rings: u32) -> Mesh {
+    let ball = faceted_ball(center, radius, n_rings);
+    let normals = ball.positions.iter().map(|&p| (p - center).normalize()).collect();
+    Mesh { normals, ..ball }
+}
+
 /// The same surface with its front on the other side.
 pub(crate) fn inside_out(mut mesh: Mesh) -> Mesh {
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));

@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use base::Rgb;
-use geometry::Mesh;
 use glam::{Vec3, Vec3A};
 use scene::{Camera, FovAxis, LightKind, Material, Parts, Specular, Spot};
 
 use crate::agreement::{Case, assert_agreement};
 use crate::scenes::{
-    add_light, add_mesh, add_sphere, black, cuboid, diffuse, emissive, empty, glass, mirror, quad,
-    room,
+    add_light, add_mesh, add_sphere, black, cuboid, diffuse, emissive, empty, faceted_ball, glass,
+    mirror, quad, room, smooth_ball,
 };
 
 fn from_file(name: &str) -> Parts {
@@ -41,34 +40,6 @@ fn green_glass() -> Material {
 /// Reflects diffusely and as a mirror.
 fn polished() -> Material {
     Material { albedo: Rgb::new(0.2, 0.4, 0.5), ..mirror(0.3) }
-}
-
-/// A ball made of flat triangles with their fronts outside: a stack of rings between two poles.
-fn faceted_ball(center: Vec3, radius: f32, n_rings: u32) -> Mesh {
-    let n_around = 2 * n_rings;
-    let mut mesh = Mesh::default();
-    for ring in 0..=n_rings {
-        for i in 0..n_around {
-            let theta = std::f64::consts::PI * f64::from(ring) / f64::from(n_rings);
-            let phi = std::f64::consts::PI * f64::from(i) / f64::from(n_rings);
-            let [x, y, z] = [theta.sin() * phi.cos(), theta.cos(), -theta.sin() * phi.sin()];
-            mesh.positions.push(center + Vec3::new(x as f32, y as f32, z as f32) * radius);
-        }
-    }
-    for ring in 0..n_rings {
-        for i in 0..n_around {
-            let at = |ring: u32, i: u32| ring * n_around + i % n_around;
-            let (a, b) = (at(ring, i), at(ring, i + 1));
-            let (c, d) = (at(ring + 1, i), at(ring + 1, i + 1));
-            if ring > 0 {
-                mesh.triangles.push([a, c, b]);
-            }
-            if ring + 1 < n_rings {
-                mesh.triangles.push([b, c, d]);
-            }
-        }
-    }
-    mesh
 }
 
 #[test]
@@ -185,26 +156,28 @@ fn spot_and_mirrors() {
     });
 }
 
-/// Triangles with interpolated normals, few enough for these to lie far from those of the surface.
+/// Triangles with normals that lie far from those of the surface: balls of few triangles, and a floor whose normals all
+/// lean by 35 degrees.
 #[test]
 fn smooth_meshes() {
-    // From close by: the balls fill the picture.
-    let eye = Vec3::new(-0.1, 0.8, 2.3);
-    let camera = Camera::look_at(eye, Vec3::new(0.02, 0.51, 0.0), Vec3::Y, 34.0, FovAxis::Y);
+    // From close by: the balls and the floor fill the picture.
+    let eye = Vec3::new(-0.1, 1.1, 2.2);
+    let camera = Camera::look_at(eye, Vec3::new(0.02, 0.35, 0.0), Vec3::Y, 40.0, FovAxis::Y);
     let mut parts = Parts { camera, ..room(0.7) };
-    let (center, radius) = (Vec3::new(-0.3, 0.55, 0.1), 0.5);
-    let ball = faceted_ball(center, radius, 5);
-    let normals = ball.positions.iter().map(|&p| (p - center).normalize()).collect();
-    add_mesh(&mut parts, Mesh { normals, ..ball }, diffuse(Rgb::splat(0.8)));
-    let center = Vec3::new(0.5, 0.35, 0.4);
-    let ball = faceted_ball(center, 0.3, 5);
-    let normals = ball.positions.iter().map(|&p| (p - center).normalize()).collect();
-    add_mesh(&mut parts, Mesh { normals, ..ball }, gold());
+    let floor = &mut parts.meshes[0].1;
+    let leaning = Vec3::new(-0.5, 0.82, 0.28).normalize();
+    floor.normals = vec![leaning; floor.positions.len()];
+    add_mesh(
+        &mut parts,
+        smooth_ball(Vec3::new(-0.35, 0.55, 0.1), 0.5, 4),
+        diffuse(Rgb::splat(0.8)),
+    );
+    add_mesh(&mut parts, smooth_ball(Vec3::new(0.5, 0.35, 0.4), 0.3, 4), gold());
     assert_agreement(&Case {
         name: "smooth-meshes",
         parts,
-        samples_per_pixel: 512,
-        photons: 3_000_000,
+        samples_per_pixel: 256,
+        photons: 2_000_000,
         radius: 0.03,
     });
 }

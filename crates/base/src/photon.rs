@@ -9,7 +9,7 @@ use crate::Rgb;
 pub struct Photon {
     /// Where it landed.
     pub position: Vec3,
-    /// The shading normal there, on the side that was hit, as [`crate::encode_octahedral`] packs it.
+    /// The normal of the true surface there, on the side that was hit, as [`crate::encode_octahedral`] packs it.
     pub normal: u16,
     /// Flux, in watts.
     pub flux: Rgb,

@@ -6,7 +6,7 @@ use crate::MaterialId;
 
 /// The most that interpolated normals may increase flux at a surface. Without a limit photons that graze the true surface
 /// would carry any amount; what this one cuts off is next to nothing.
-pub const MAX_SHADING_GAIN: f32 = 8.0;
+pub const MAX_SHADING_GAIN: f32 = 32.0;
 
 /// A point of a surface.
 #[derive(Clone, Copy, Debug)]

@@ -166,7 +166,7 @@ impl Emitter<'_> {
             if material.is_diffuse() {
                 let photon = Photon {
                     position: surface.position.into(),
-                    normal: encode_octahedral(facing.shading_normal),
+                    normal: encode_octahedral(facing.geometric_normal),
                     flux: flux * gain,
                 };
                 match class {
