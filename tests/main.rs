@@ -11,4 +11,5 @@ mod passes;
 mod path_tracer;
 mod renderer;
 mod scenes;
+mod textures;
 mod transport;

@@ -194,7 +194,7 @@ impl<'a> Tracer<'a> {
             }
 
             // Either the diffuse or the specular part, by chance.
-            let albedo = color(vertex.material.albedo);
+            let albedo = color(self.scene.albedo(&vertex.surface));
             let reflectance = optics::specular_reflectance(&vertex);
             let (diffuse, specular) = (albedo.max_element(), reflectance.max_element());
             if diffuse + specular == 0.0 {

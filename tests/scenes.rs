@@ -2,7 +2,7 @@
 
 use base::Rgb;
 use geometry::{MaterialId, Mesh, Sphere};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use scene::{Camera, FovAxis, Light, LightKind, Material, Parts, Specular};
 
 /// Nothing yet, seen from `eye` towards `target`; the field of view, in degrees, spans the height.
@@ -12,6 +12,7 @@ pub(crate) fn empty(eye: Vec3, target: Vec3, fov: f32) -> Parts {
         camera: Camera::look_at(eye, target, up, fov, FovAxis::Y),
         materials: Vec::new(),
         meshes: Vec::new(),
+        textures: Vec::new(),
         spheres: Vec::new(),
         lights: Vec::new(),
     }
@@ -22,6 +23,7 @@ pub(crate) fn black() -> Material {
     Material {
         name: String::new(),
         albedo: Rgb::BLACK,
+        albedo_texture: None,
         specular: Specular::None,
         emission: Rgb::BLACK,
     }
@@ -65,7 +67,7 @@ pub(crate) fn add_mesh(parts: &mut Parts, mesh: Mesh, material: Material) {
 pub(crate) fn add_sphere(parts: &mut Parts, center: Vec3, radius: f32, material: Material) {
     let material = add_material(parts, material);
     let name = format!("sphere {}", parts.spheres.len());
-    parts.spheres.push((name, Sphere { center, radius, material }));
+    parts.spheres.push((name, Sphere { center, radius, rotation: Quat::IDENTITY, material }));
 }
 
 /// Adds a light that isn't a surface.

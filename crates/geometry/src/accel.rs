@@ -1,7 +1,8 @@
 //! The BVH over all surfaces of a scene.
 
 use base::Ray;
-use glam::{DVec3, Vec3, Vec3A};
+use base::math::{self, FRAC_1_PI};
+use glam::{DVec3, Quat, Vec2, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -37,6 +38,11 @@ pub struct Accel {
     n_triangles: u32,
     /// Shading normals of the corners of each triangle; empty when no mesh has any.
     normals: Vec<[Vec3; 3]>,
+    /// Texture coordinates of the corners of each triangle, not a number in meshes that have none; empty when no mesh has
+    /// any.
+    uvs: Vec<[Vec2; 3]>,
+    /// How each sphere is turned.
+    rotations: Vec<Quat>,
     scale: f32,
     /// The sphere around everything, in scaled units.
     center: Vec3A,
@@ -83,7 +89,9 @@ impl Accel {
         let scale = power_of_two_scale(bounds.diagonal());
 
         let has_normals = meshes.iter().any(|m| !m.normals.is_empty());
-        let (mut primitives, mut owners, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+        let has_uvs = meshes.iter().any(|m| !m.uvs.is_empty());
+        let (mut primitives, mut owners) = (Vec::new(), Vec::new());
+        let (mut normals, mut uvs) = (Vec::new(), Vec::new());
         for (object, mesh) in meshes.iter().enumerate() {
             for (t, indices) in mesh.triangles.iter().enumerate() {
                 primitives.push(Primitive::triangle(
@@ -95,6 +103,12 @@ impl Accel {
                     normals.push(match mesh.normals.is_empty() {
                         true => [Vec3::ZERO; 3],
                         false => indices.map(|i| mesh.normals[i as usize]),
+                    });
+                }
+                if has_uvs {
+                    uvs.push(match mesh.uvs.is_empty() {
+                        true => [Vec2::NAN; 3],
+                        false => indices.map(|i| mesh.uvs[i as usize]),
                     });
                 }
             }
@@ -118,7 +132,20 @@ impl Accel {
         let bvh = build_bvh(&boxes);
         let primitives = bvh.primitive_indices.iter().map(|&i| primitives[i as usize]).collect();
         let (center, radius) = (center.into(), 0.5 * diagonal);
-        Self { bvh, primitives, owners, n_triangles, normals, scale, center, radius, bounds }
+        let rotations = spheres.iter().map(|s| s.rotation).collect();
+        Self {
+            bvh,
+            primitives,
+            owners,
+            n_triangles,
+            normals,
+            uvs,
+            rotations,
+            scale,
+            center,
+            radius,
+            bounds,
+        }
     }
 
     /// The nearest surface that the ray meets.
@@ -191,18 +218,42 @@ impl Accel {
                 let surface = self.at(position, normal, largest, self.owners[id as usize]);
                 let shading_normal =
                     self.shading_normal(id, weights.as_vec3(), surface.geometric_normal);
-                Surface { shading_normal, ..surface }
+                Surface { shading_normal, primitive: hit.slot, ..surface }
             }
             Shape::Sphere { id, center, radius } => {
                 let (center, radius) = (center.as_dvec3(), f64::from(radius));
                 let normal = (ray.at(ray.sphere(center, radius)) - center).normalize();
                 let largest = center.abs() + radius;
-                self.at(
-                    center + normal * radius,
-                    normal,
-                    largest,
-                    self.owners[(self.n_triangles + id) as usize],
-                )
+                let owner = self.owners[(self.n_triangles + id) as usize];
+                let surface = self.at(center + normal * radius, normal, largest, owner);
+                Surface { primitive: hit.slot, ..surface }
+            }
+        }
+    }
+
+    /// Texture coordinates at a surface that this scene has returned; none on meshes without.
+    ///
+    /// Those of a sphere whose rotation is none begin at +x and go once around +y, counterclockwise as seen from there,
+    /// with u, and from -y to +y with v, so that a map of the world stands upright and isn't mirrored from outside.
+    pub fn uv(&self, surface: &Surface) -> Option<Vec2> {
+        let primitive = &self.primitives[surface.primitive as usize];
+        let position = (surface.position * self.scale).as_dvec3();
+        match primitive.shape() {
+            Shape::Triangle { id } => {
+                let [u, v, w] = *self.uvs.get(id as usize)?;
+                let [a, b, c] = primitive.corners().map(|p| p.as_dvec3() - position);
+                let normal = (b - a).cross(c - a);
+                // Weights by area: of the point, not of the ray, which by now has gone.
+                let weights = DVec3::from_array(
+                    [(b, c), (c, a), (a, b)].map(|(p, q)| p.cross(q).dot(normal)),
+                );
+                let weights = (weights / weights.element_sum()).as_vec3();
+                let uv = u * weights.x + v * weights.y + w * weights.z;
+                uv.is_finite().then_some(uv)
+            }
+            Shape::Sphere { id, center, .. } => {
+                let out = (position - center.as_dvec3()).as_vec3().normalize();
+                Some(sphere_uv(self.rotations[id as usize].inverse() * out))
             }
         }
     }
@@ -228,6 +279,7 @@ impl Accel {
             shading_normal: geometric_normal,
             material: owner.0,
             object: owner.1,
+            primitive: 0,
             error: geometric_normal.abs().dot(rounding) * inverse_scale,
         }
     }
@@ -249,6 +301,14 @@ impl Accel {
     pub fn n_primitives(&self) -> usize {
         self.primitives.len()
     }
+}
+
+/// Texture coordinates of the unit sphere.
+fn sphere_uv(p: Vec3) -> Vec2 {
+    let turn = math::atan2(-p.z, p.x) * (0.5 * FRAC_1_PI);
+    // The angle from the pole by two of its legs: the arc cosine is coarse there.
+    let down = math::atan2(p.x.hypot(p.z), p.y) * FRAC_1_PI;
+    Vec2::new(if turn < 0.0 { turn + 1.0 } else { turn }, 1.0 - down)
 }
 
 /// What obvhs's `build_cwbvh` does, but for its checks in debug builds: they allow rounding of 1e-5, whatever the size of

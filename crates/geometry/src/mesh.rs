@@ -1,6 +1,6 @@
 //! What the BVH is built from.
 
-use glam::Vec3;
+use glam::{Quat, Vec2, Vec3};
 
 use crate::Bounds;
 
@@ -17,6 +17,8 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Shading normals, one a position and of unit length, or none at all.
     pub normals: Vec<Vec3>,
+    /// Texture coordinates, finite and one a position, or none at all.
+    pub uvs: Vec<Vec2>,
     /// Three positions a triangle; no triangle is without area.
     pub triangles: Vec<[u32; 3]>,
     /// One a triangle.
@@ -44,6 +46,8 @@ pub struct Sphere {
     pub center: Vec3,
     /// Radius, positive.
     pub radius: f32,
+    /// How it is turned, which only its texture coordinates show: see [`crate::Accel::uv`].
+    pub rotation: Quat,
     /// What it is made of.
     pub material: MaterialId,
 }

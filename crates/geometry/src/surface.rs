@@ -21,6 +21,8 @@ pub struct Surface {
     pub material: MaterialId,
     /// The mesh or sphere it belongs to; meshes come first.
     pub object: u32,
+    /// The triangle or sphere, as [`crate::Accel::uv`] finds it.
+    pub primitive: u32,
     /// How far a ray must be moved off `position` to start surely on its side of the true surface, in world units: a few
     /// units in the last place of `position`, along the normal.
     pub error: f32,

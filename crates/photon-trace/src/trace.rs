@@ -183,7 +183,7 @@ impl Emitter<'_> {
             let bounces = material.specular_bounces(&surface, w_o, Transport::Flux);
             let weight_of =
                 |bounce: &Option<SpecularBounce>| bounce.map_or(Rgb::BLACK, |b| b.weight);
-            let diffuse = material.albedo * gain;
+            let diffuse = self.scene.albedo(&surface) * gain;
             let share = |weight: Rgb| (flux * weight).mean() / flux.mean();
             let sum = share(diffuse) + bounces.iter().map(|b| share(weight_of(b))).sum::<f32>();
             let scale = sum.max(1.0);

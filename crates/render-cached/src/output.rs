@@ -159,11 +159,10 @@ fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>) {
     let pixels: Vec<[f32; 13]> = (0..size.n_pixels())
         .into_par_iter()
         .map(|i| {
-            let Some(ShadingPoint { facing, material, .. }) = frame.point(size.pixel(i)) else {
+            let Some(ShadingPoint { facing, albedo: a, .. }) = frame.point(size.pixel(i)) else {
                 return [0.0; 13];
             };
             let Surface { position: p, geometric_normal: n, shading_normal: ns, .. } = facing;
-            let a = material.albedo;
             let depth = camera.depth(p);
             [p.x, p.y, p.z, n.x, n.y, n.z, ns.x, ns.y, ns.z, a.r, a.g, a.b, depth]
         })

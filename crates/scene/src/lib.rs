@@ -1,4 +1,4 @@
-//! The world, read once, then immutable: surfaces, materials, lights, camera.
+//! The world, read once, then immutable: surfaces, materials, textures, lights, camera.
 //!
 //! A scene file describes the world only; every quality setting is a flag of a program. Units are the author's, as long
 //! as they agree; y is up by convention only. Colors are linear Rec. 709.
@@ -13,6 +13,7 @@ mod light;
 mod load;
 mod material;
 mod polygon;
+mod texture;
 mod world;
 
 pub use area_light::AreaLight;
@@ -23,4 +24,5 @@ pub use light::{Emission, Light, LightKind, LightSample, Spot, Toward};
 pub use load::{Loaded, load, load_parts};
 pub use material::{Material, Specular, SpecularBounce, Transport};
 pub use polygon::polygon_irradiance;
+pub use texture::{Filter, Pattern, Texels, Texture, TextureId, Wrap};
 pub use world::{Parts, Scene};

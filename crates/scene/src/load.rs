@@ -15,6 +15,7 @@ mod polygon;
 mod shapes;
 mod source;
 mod tables;
+mod textures;
 mod transform;
 mod view;
 mod whole;
@@ -51,9 +52,17 @@ pub struct Loaded {
 /// fov = 40                 # whole angle of view
 /// fov_axis = "x"           # across the width, which is the default; "y": the height; "smaller", "larger": that side
 ///
+/// [textures.NAME]
+/// type = "checkerboard"    # the unit square in four, of two colors, repeated
+/// colors = [0.2, [0.8, 0.7, 0.6]] # the first takes the square that touches (0, 0)
+/// scale = [4, 4]           # what texture coordinates are multiplied with before they are looked up; [1, 1] is the default
+/// rotate = 45              # by how much they are turned after that, counterclockwise
+/// offset = [0.5, 0]        # and moved at last
+///
 /// [materials.NAME]         # one of the four types
 /// type = "diffuse"
 /// albedo = [0.7, 0.7, 0.7] # at most 1; both sides reflect alike
+/// albedo_texture = "NAME"  # optional: what albedo is multiplied with from place to place; albedo is 1 by default then
 /// emission = [17, 12, 4]   # radiance of the front side; optional; mirrors and metals take it, too
 ///
 /// type = "mirror"
@@ -116,6 +125,10 @@ pub struct Loaded {
 /// radiance = [1, 1, 1]     # from everywhere beyond the scene
 /// ```
 ///
+/// A texture needs texture coordinates. Quads have (0, 0) at the corner, (1, 0) at the end of the first edge and (0, 1) at
+/// that of the second; on each side of a box they span the unit square, upright as seen from outside; on a sphere u goes
+/// once around +y from +x, and v from -y to +y. Meshes have those of the file. An image has (0, 0) at its lower left.
+///
 /// A transform scales, by a number or `[x, y, z]`, then rotates, once or for each of a list, counterclockwise as seen
 /// against the axis, then translates; or it is a `matrix` of four rows, the last `[0, 0, 0, 1]`. Mirrored bodies keep
 /// their outside.
@@ -152,6 +165,7 @@ pub fn load_parts(path: &Path) -> Result<(Parts, Vec<String>), Error> {
     let file: SceneFile = toml::from_str(source.text()).map_err(|e| source.syntax(&e))?;
     let camera = view::camera(&source, &file.camera)?;
     let mut assembly = Assembly::new(&source);
+    assembly.add_textures(&file.textures)?;
     assembly.add_materials(&file.materials)?;
     for (i, table) in file.meshes.iter().enumerate() {
         meshes::add(&mut assembly, i, table)?;
@@ -168,6 +182,6 @@ pub fn load_parts(path: &Path) -> Result<(Parts, Vec<String>), Error> {
     for (i, table) in file.lights.iter().enumerate() {
         assembly.add_light(i, table)?;
     }
-    assembly.warn_of_unused(&file.materials);
+    assembly.warn_of_unused(&file);
     whole::finish(assembly, camera)
 }

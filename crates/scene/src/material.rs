@@ -4,15 +4,18 @@ use base::{Rgb, math};
 use geometry::{MAX_SHADING_GAIN, Surface};
 use glam::Vec3A;
 
-use crate::{fresnel_conductor, fresnel_dielectric};
+use crate::{TextureId, fresnel_conductor, fresnel_dielectric};
 
 /// A material. Diffuse and specular parts add up; the reader of scenes sees to it that they don't create energy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// The name in the scene file.
     pub name: String,
-    /// Diffuse albedo, `pi f_d` of Eq. (6), in [0, 1]; the same on both sides.
+    /// Diffuse albedo, `pi f_d` of Eq. (6), in [0, 1], or what its texture is multiplied with; the same on both sides. See
+    /// [`crate::Scene::albedo`] for that of a point.
     pub albedo: Rgb,
+    /// What the diffuse albedo is multiplied with from place to place; its surfaces have texture coordinates.
+    pub albedo_texture: Option<TextureId>,
     /// The specular part.
     pub specular: Specular,
     /// Radiance emitted by the front side, `L_e` of Eq. (4).
@@ -182,12 +185,19 @@ mod tests {
             shading_normal,
             material: MaterialId(0),
             object: 0,
+            primitive: 0,
             error: 0.0,
         }
     }
 
     fn material(specular: Specular) -> Material {
-        Material { name: "m".into(), albedo: Rgb::BLACK, specular, emission: Rgb::BLACK }
+        Material {
+            name: "m".into(),
+            albedo: Rgb::BLACK,
+            albedo_texture: None,
+            specular,
+            emission: Rgb::BLACK,
+        }
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use base::{Fingerprint, FingerprintBuilder, Inventory, Rgb};
 use geometry::{Accel, Bounds, Creases, Mesh, Sphere, Surface};
+use glam::Quat;
 
-use crate::{AreaLight, Camera, Light, LightKind, Material, Specular};
+use crate::{AreaLight, Camera, Light, LightKind, Material, Specular, Texture};
 
 /// What a scene is made of, named as in its file. The reader of scene files has checked it all.
 #[derive(Clone, Debug)]
@@ -12,6 +13,8 @@ pub struct Parts {
     pub camera: Camera,
     /// Indexed by [`geometry::MaterialId`].
     pub materials: Vec<Material>,
+    /// Named textures, indexed by [`crate::TextureId`].
+    pub textures: Vec<(String, Texture)>,
     /// Named meshes. Those whose material emits become lights.
     pub meshes: Vec<(String, Mesh)>,
     /// Named spheres; none emits.
@@ -29,6 +32,7 @@ pub struct Scene {
     pub creases: Creases,
     /// Indexed by [`geometry::MaterialId`].
     pub materials: Vec<Material>,
+    textures: Vec<Texture>,
     /// All lights: emissive meshes first, then the others.
     pub lights: Vec<Light>,
     /// The view.
@@ -40,7 +44,7 @@ impl Scene {
     /// Builds the BVH, finds the emissive meshes, and digests everything that light transport depends on.
     pub fn assemble(parts: Parts) -> Self {
         let inventory = inventory(&parts);
-        let Parts { camera, materials, meshes, spheres, lights } = parts;
+        let Parts { camera, materials, textures, meshes, spheres, lights } = parts;
         let mut all_lights = area_lights(&meshes, &materials);
         all_lights.extend(lights);
         let meshes: Vec<Mesh> = meshes.into_iter().map(|(_, mesh)| mesh).collect();
@@ -49,6 +53,7 @@ impl Scene {
             accel: Accel::build(&meshes, &spheres),
             creases: Creases::find(&meshes, |id| materials[id.0 as usize].is_diffuse()),
             materials,
+            textures: textures.into_iter().map(|(_, texture)| texture).collect(),
             lights: all_lights,
             camera,
             inventory,
@@ -59,6 +64,19 @@ impl Scene {
     #[inline]
     pub fn material(&self, surface: &Surface) -> &Material {
         &self.materials[surface.material.0 as usize]
+    }
+
+    /// Diffuse albedo of a surface that the rays of this scene have found, in [0, 1].
+    #[inline]
+    pub fn albedo(&self, surface: &Surface) -> Rgb {
+        let material = self.material(surface);
+        match material.albedo_texture {
+            None => material.albedo,
+            Some(id) => {
+                let uv = self.accel.uv(surface).unwrap_or_default();
+                material.albedo * self.textures[id.0 as usize].at(uv)
+            }
+        }
     }
 
     /// The box around all surfaces.
@@ -104,15 +122,25 @@ fn inventory(parts: &Parts) -> Inventory {
     for material in &parts.materials {
         inventory.add(format!("material `{}`", material.name), material_digest(material));
     }
+    for (name, texture) in &parts.textures {
+        inventory.add(format!("texture `{name}`"), texture.digest());
+    }
     for (name, mesh) in &parts.meshes {
         let mut digest = FingerprintBuilder::new();
         digest.pod(&mesh.positions).pod(&mesh.normals).pod(mesh.triangles.as_flattened());
         digest.pod(&mesh.materials.iter().map(|m| m.0).collect::<Vec<_>>());
+        // Not even their number where there are none, so that maps of untextured scenes stay valid.
+        if !mesh.uvs.is_empty() {
+            digest.pod(&mesh.uvs);
+        }
         inventory.add(format!("mesh `{name}`"), digest.finish());
     }
     for (name, sphere) in &parts.spheres {
         let mut digest = FingerprintBuilder::new();
         digest.pod(&sphere.center.to_array()).pod(&[sphere.radius]).pod(&[sphere.material.0]);
+        if sphere.rotation != Quat::IDENTITY {
+            digest.pod(&sphere.rotation.to_array());
+        }
         inventory.add(format!("sphere `{name}`"), digest.finish());
     }
     for light in &parts.lights {
@@ -124,6 +152,9 @@ fn inventory(parts: &Parts) -> Inventory {
 fn material_digest(material: &Material) -> Fingerprint {
     let mut digest = FingerprintBuilder::new();
     digest.pod(&[material.albedo, material.emission]);
+    if let Some(id) = material.albedo_texture {
+        digest.bytes(b"albedo texture").pod(&[id.0]);
+    }
     match material.specular {
         Specular::None => digest.bytes(b"none"),
         Specular::Mirror { reflectance } => digest.bytes(b"mirror").pod(&[reflectance]),

@@ -100,6 +100,10 @@ fn good_scene_loads() {
 fn broken(old: &str, new: &str) -> String {
     assert!(GOOD.contains(old), "`{old}` isn't in the good scene");
     let text = GOOD.replacen(old, new, 1);
+    outcome(&text)
+}
+
+fn outcome(text: &str) -> String {
     load_files(&[("scene.toml", text.as_bytes())])
         .map(|loaded| format!("no error; warnings: {:?}", loaded.warnings))
         .unwrap_or_else(|e| e)
@@ -194,7 +198,7 @@ fn faults_of_materials() {
         ("type = \"diffuse\"", "type = \"matte\"",
          "scene.toml:7:8: material `white` has the unknown type \"matte\"; the types are diffuse, mirror, metal and glass"),
         ("emission = 0", "ior = 1.5",
-         "scene.toml:9:7: material `white` of type \"diffuse\" takes no `ior`; its keys are albedo and emission"),
+         "scene.toml:9:7: material `white` of type \"diffuse\" takes no `ior`; its keys are albedo, albedo_texture and emission"),
         ("preset = \"gold\"", "preset = \"tin\"",
          "scene.toml:13:10: material `gilt` names the unknown preset \"tin\"; the presets are aluminium, chromium, copper, gold, iron, platinum and silver"),
         ("preset = \"gold\"", "preset = \"gold\"\nk = 3",
@@ -233,6 +237,47 @@ fn faults_of_materials() {
         broken("material = \"white\"", "material = \"tube\""),
         "no error; warnings: [\"scene.toml:6:1: material `white` is not used\"]"
     );
+}
+
+#[test]
+fn faults_of_textures() {
+    let board = "[textures.tiles]\ntype = \"checkerboard\"\ncolors = [0.5, 1]\n\n[materials.white]";
+    let textured = |from: &str, to: &str| {
+        let text = GOOD
+            .replace("[materials.white]", board)
+            .replace("albedo = [0.7, 0.7, 0.7]", "albedo_texture = \"tiles\"");
+        assert!(text.contains(from), "{from}");
+        outcome(&text.replacen(from, to, 1))
+    };
+    #[rustfmt::skip]
+    let cases = [
+        ("colors", "colors", "no error; warnings: []"),
+        ("type = \"checkerboard\"", "type = \"stripes\"",
+         "scene.toml:7:8: texture `tiles` has the unknown type \"stripes\"; the types are checkerboard"),
+        ("colors = [0.5, 1]\n", "",
+         "scene.toml:7:8: texture `tiles` of type \"checkerboard\" needs the key `colors`"),
+        ("colors = [0.5, 1]", "colors = [0.5, -1]",
+         "scene.toml:8:16: a color of texture `tiles` is negative; use 0 or more in every channel"),
+        ("colors = [0.5, 1]", "colors = [0.5, 2]",
+         "scene.toml:12:18: the texture of material `white` reaches 2, with which more light would leave than arrives; lower `albedo`, which it is multiplied with"),
+        ("colors = [0.5, 1]", "colors = [0.5, 1]\nscale = [1, inf]",
+         "scene.toml:9:9: the scale of texture `tiles` is [1, inf]; keep both within 1e5"),
+        ("colors = [0.5, 1]", "colors = [0.5, 1]\noffset = [1e6, 0]",
+         "scene.toml:9:10: the offset of texture `tiles` is [1000000, 0]; keep both within 1e5"),
+        ("colors = [0.5, 1]", "colors = [0.5, 1]\nrotate = nan",
+         "scene.toml:9:10: the rotation of texture `tiles` is NaN; give a finite number"),
+        ("\"tiles\"", "\"tile\"",
+         "scene.toml:12:18: material `white` names the unknown texture \"tile\"; the textures are tiles"),
+        ("reflectance = 0.75\nalbedo = 0.25", "reflectance = 0.75\nalbedo = 0.5\nalbedo_texture = \"tiles\"",
+         "scene.toml:27:10: the texture of material `chrome` reaches 1, with which more light would leave than arrives; lower `albedo`, which it is multiplied with"),
+        ("preset = \"gold\"", "preset = \"gold\"\nalbedo_texture = \"tiles\"",
+         "scene.toml:18:18: material `gilt` of type \"metal\" takes no `albedo_texture`; its keys are eta, k, preset and emission"),
+        ("albedo_texture = \"tiles\"", "albedo = 0.5",
+         "no error; warnings: [\"scene.toml:6:1: texture `tiles` is not used\"]"),
+    ];
+    for (from, to, expected) in cases {
+        assert_eq!(textured(from, to), expected, "{to}");
+    }
 }
 
 #[test]

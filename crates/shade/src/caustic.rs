@@ -12,7 +12,7 @@ impl Shader<'_> {
         if !at.material.is_diffuse() {
             return Rgb::BLACK;
         }
-        at.material.albedo * self.caustic_estimate(&at.facing, work).irradiance * FRAC_1_PI
+        at.albedo * self.caustic_estimate(&at.facing, work).irradiance * FRAC_1_PI
     }
 
     /// Irradiance of caustics on the side of the surface's normals.

@@ -75,7 +75,7 @@ impl<'a> Shader<'a> {
             let weight =
                 branch.weight * through.map_or(Rgb::ONE, |glass| glass.transmittance(distance));
             let diffuse_weight = if point.material.is_diffuse() {
-                keep(weight, (weight * point.material.albedo).max_channel(), SHADE_ALWAYS, &mut rng)
+                keep(weight, (weight * point.albedo).max_channel(), SHADE_ALWAYS, &mut rng)
             } else {
                 None
             };

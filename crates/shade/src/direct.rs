@@ -20,7 +20,7 @@ impl Shader<'_> {
         let irradiance: Rgb = (0..self.scene.lights.len())
             .map(|light| self.irradiance_from(light, &at.facing, stream, work))
             .sum();
-        at.material.albedo * irradiance * FRAC_1_PI
+        at.albedo * irradiance * FRAC_1_PI
     }
 
     /// Irradiance from one light, shadows included.

@@ -14,6 +14,8 @@ pub struct ShadingPoint<'a> {
     pub facing: Surface,
     /// What it is made of.
     pub material: &'a Material,
+    /// Its diffuse albedo here: see [`scene::Scene::albedo`].
+    pub albedo: Rgb,
     /// Unit direction back along the ray.
     pub w_o: Vec3A,
 }

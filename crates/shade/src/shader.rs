@@ -66,6 +66,7 @@ impl<'a> Shader<'a> {
             surface,
             facing: surface.facing(w_o),
             material: self.scene.material(&surface),
+            albedo: self.scene.albedo(&surface),
             w_o,
         }
     }

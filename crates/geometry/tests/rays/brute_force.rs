@@ -2,7 +2,7 @@
 
 use base::{Ray, Rng};
 use geometry::{Accel, MaterialId, Mesh, Sphere};
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Quat, Vec3, Vec3A};
 
 use crate::shapes::{Placement, direction, in_ball, rng};
 
@@ -122,6 +122,7 @@ fn soup(
         .map(|i| Sphere {
             center: place.point(in_ball(rng)),
             radius: (size() * 0.3 * place.scale) as f32,
+            rotation: Quat::IDENTITY,
             material: MaterialId(60_000 + i as u16),
         })
         .collect();

@@ -4,4 +4,5 @@ mod brute_force;
 mod leaving;
 mod shapes;
 mod special_cases;
+mod texture_coordinates;
 mod watertight;

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use base::{Rng, Stream, warp};
 use geometry::{MaterialId, Mesh, Sphere};
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Quat, Vec3, Vec3A};
 
 pub(crate) fn rng(index: u64) -> Rng {
     Rng::new(0, Stream::Test, index)
@@ -53,6 +53,7 @@ impl Placement {
         Sphere {
             center: self.point(DVec3::ZERO),
             radius: self.scale as f32,
+            rotation: Quat::IDENTITY,
             material: MaterialId(0),
         }
     }
@@ -117,7 +118,7 @@ pub(crate) fn cuboid(min: DVec3, max: DVec3, place: impl Fn(DVec3) -> DVec3) -> 
 /// Triangles of one material.
 pub(crate) fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Mesh {
     let materials = vec![MaterialId(0); triangles.len()];
-    Mesh { positions, normals: Vec::new(), triangles, materials }
+    Mesh { positions, triangles, materials, ..Mesh::default() }
 }
 
 #[test]

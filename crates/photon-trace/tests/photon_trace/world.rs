@@ -2,7 +2,7 @@
 
 use base::{Photon, Rgb};
 use geometry::{MaterialId, Mesh, Sphere};
-use glam::{Vec3, Vec3A};
+use glam::{Quat, Vec3, Vec3A};
 use photon_trace::{Budget, Config, Traced};
 use scene::{Camera, FovAxis, Light, LightKind, Material, Parts, Scene, Specular};
 
@@ -22,7 +22,7 @@ impl World {
 
     fn material(&mut self, albedo: Rgb, specular: Specular, emission: Rgb) -> MaterialId {
         let name = format!("material {}", self.materials.len());
-        self.materials.push(Material { name, albedo, specular, emission });
+        self.materials.push(Material { name, albedo, albedo_texture: None, specular, emission });
         MaterialId(self.materials.len() as u16 - 1)
     }
 
@@ -46,7 +46,7 @@ impl World {
         let triangles: Vec<[u32; 3]> =
             quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         let materials = vec![material; triangles.len()];
-        let mesh = Mesh { positions, normals: Vec::new(), triangles, materials };
+        let mesh = Mesh { positions, triangles, materials, ..Mesh::default() };
         self.meshes.push((format!("mesh {}", self.meshes.len()), mesh));
         self
     }
@@ -76,7 +76,7 @@ impl World {
     }
 
     pub(crate) fn sphere(mut self, center: Vec3, radius: f32, material: MaterialId) -> Self {
-        let sphere = Sphere { center, radius, material };
+        let sphere = Sphere { center, radius, rotation: Quat::IDENTITY, material };
         self.spheres.push((format!("sphere {}", self.spheres.len()), sphere));
         self
     }
@@ -94,7 +94,7 @@ impl World {
     pub(crate) fn assemble(self) -> Scene {
         let camera = Camera::look_at(Vec3::ZERO, Vec3::X, Vec3::Z, 50.0, FovAxis::X);
         let Self { materials, meshes, spheres, lights } = self;
-        Scene::assemble(Parts { camera, materials, meshes, spheres, lights })
+        Scene::assemble(Parts { camera, materials, textures: Vec::new(), meshes, spheres, lights })
     }
 }
 

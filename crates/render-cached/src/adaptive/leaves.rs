@@ -84,7 +84,7 @@ impl Leaves {
                 Some(end) => {
                     emitted += leaf.weight * end.emitted();
                     if let Some(weight) = leaf.diffuse_weight {
-                        let weight = weight * end.material.albedo * FRAC_1_PI;
+                        let weight = weight * end.albedo * FRAC_1_PI;
                         let (path, stream) = (leaf.path, leaf.stream);
                         leaves.push(Leaf { pixel: 0, path, weight, surface: end.facing, stream });
                     }

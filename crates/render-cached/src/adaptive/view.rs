@@ -24,13 +24,12 @@ impl View {
         let camera = &frame.shader().scene.camera;
         let pixel_angle = camera.pixel_extent(size);
         let eye = camera.origin();
-        let materials = &frame.shader().scene.materials;
+        let scene = frame.shader().scene;
         let found: Vec<_> = (frame.surfaces().values().par_iter())
             .with_min_len(4096)
             .map(|surface| {
                 let surface = surface.as_ref()?;
-                let material = &materials[surface.material.0 as usize];
-                if !material.is_diffuse() {
+                if !scene.material(surface).is_diffuse() {
                     return None;
                 }
                 let to_eye = eye - surface.position;
@@ -42,7 +41,7 @@ impl View {
                 // A slanted surface is foreshortened one way only: the mean of both ways is the root.
                 let slant = (facing.shading_normal.dot(to_eye) / to_eye.length()).clamp(0.02, 1.0);
                 let depth = camera.depth(facing.position).max(f32::MIN_POSITIVE);
-                Some((site, material.albedo, slant.sqrt() / (depth * pixel_angle)))
+                Some((site, scene.albedo(surface), slant.sqrt() / (depth * pixel_angle)))
             })
             .collect();
         let sites = Grid::from_values(size, found.iter().map(|f| f.map(|f| f.0)).collect());

@@ -4,13 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use geometry::{MaterialId, Mesh, Sphere};
+use glam::Quat;
 use toml::Spanned;
 
 use super::mesh_checks::has_area;
 use super::source::{MAX_LENGTH, Source};
-use super::tables::{BoxTable, LightTable, MaterialTable, QuadTable, SphereTable, TransformTable};
-use super::{keys, lights, materials, meshes, shapes, transform};
-use crate::{Error, Light, LightKind, Material};
+use super::tables::{
+    BoxTable, LightTable, MaterialTable, QuadTable, SceneFile, SphereTable, TextureTable,
+    TransformTable,
+};
+use super::{keys, lights, materials, meshes, shapes, textures, transform};
+use crate::{Error, Light, LightKind, Material, Texture, TextureId};
 
 /// The parts of a scene as they come in.
 pub(super) struct Assembly<'a> {
@@ -18,6 +22,8 @@ pub(super) struct Assembly<'a> {
     pub(super) materials: Vec<Material>,
     ids: BTreeMap<String, MaterialId>,
     used: BTreeSet<MaterialId>,
+    pub(super) textures: Vec<(String, Texture)>,
+    used_textures: BTreeSet<String>,
     pub(super) meshes: Vec<(String, Mesh)>,
     pub(super) spheres: Vec<(String, Sphere)>,
     pub(super) lights: Vec<Light>,
@@ -32,6 +38,8 @@ impl<'a> Assembly<'a> {
             materials: Vec::new(),
             ids: BTreeMap::new(),
             used: BTreeSet::new(),
+            textures: Vec::new(),
+            used_textures: BTreeSet::new(),
             meshes: Vec::new(),
             spheres: Vec::new(),
             lights: Vec::new(),
@@ -40,13 +48,57 @@ impl<'a> Assembly<'a> {
         }
     }
 
+    pub(super) fn add_textures(
+        &mut self,
+        tables: &BTreeMap<String, Spanned<TextureTable>>,
+    ) -> Result<(), Error> {
+        for (name, table) in tables {
+            let texture = textures::texture(self.source, name, table.get_ref())?;
+            self.add_texture(name.clone(), texture).ok_or_else(|| {
+                self.source.fault(table.span(), "too many textures; use at most 65536")
+            })?;
+        }
+        Ok(())
+    }
+
+    /// `None` when there are too many.
+    pub(super) fn add_texture(&mut self, name: String, texture: Texture) -> Option<TextureId> {
+        let id = TextureId(u16::try_from(self.textures.len()).ok()?);
+        self.textures.push((name, texture));
+        Some(id)
+    }
+
+    /// The texture that an object names, and the largest value of any of its channels.
+    pub(super) fn texture(
+        &mut self,
+        name: &Spanned<String>,
+        object: &str,
+    ) -> Result<(TextureId, f32), Error> {
+        let found = self.textures.iter().position(|(known, _)| known == name.get_ref());
+        let index = found.ok_or_else(|| {
+            let known: Vec<_> = self.textures.iter().map(|(name, _)| name.as_str()).collect();
+            let fault = format!(
+                "{object} names the unknown texture \"{}\"; the textures are {}",
+                name.get_ref(),
+                keys::list(&known)
+            );
+            self.source.fault(name.span(), fault)
+        })?;
+        self.used_textures.insert(name.get_ref().clone());
+        Ok((TextureId(index as u16), self.textures[index].1.max()))
+    }
+
+    /// Whether the surfaces of a material need texture coordinates.
+    pub(super) fn is_textured(&self, id: MaterialId) -> bool {
+        self.materials[usize::from(id.0)].albedo_texture.is_some()
+    }
+
     pub(super) fn add_materials(
         &mut self,
         tables: &BTreeMap<String, Spanned<MaterialTable>>,
     ) -> Result<(), Error> {
         for (name, table) in tables {
-            let material =
-                materials::material(self.source, name, table.get_ref(), &mut self.warnings)?;
+            let material = materials::material(self, name, table.get_ref())?;
             let id = self.add_material(material).ok_or_else(|| {
                 self.source.fault(table.span(), "too many materials; use at most 65536")
             })?;
@@ -118,6 +170,9 @@ impl<'a> Assembly<'a> {
         let edges = [self.source.vector(a, &what)?, self.source.vector(b, &what)?];
         let material = self.material(&table.material, &object)?;
         let mut mesh = shapes::quad(corner, edges, material);
+        if !self.is_textured(material) {
+            mesh.uvs = Vec::new();
+        }
         if (0..2).any(|t| !has_area(mesh.corners(t))) {
             let fault = format!("{object} has no area; give two edges that are not parallel");
             return Err(self.source.fault(table.edges[1].span(), fault));
@@ -154,6 +209,9 @@ impl<'a> Assembly<'a> {
         }
         let material = self.material(&table.material, &object)?;
         let mut mesh = shapes::cuboid(min, max, material);
+        if self.is_textured(material) {
+            shapes::unfold(&mut mesh);
+        }
         if table.inward.unwrap_or(false) {
             transform::flip(&mut mesh);
         }
@@ -213,7 +271,7 @@ impl<'a> Assembly<'a> {
             );
             return Err(self.source.fault(table.material.span(), fault));
         }
-        self.spheres.push((name, Sphere { center, radius, material }));
+        self.spheres.push((name, Sphere { center, radius, rotation: Quat::IDENTITY, material }));
         Ok(())
     }
 
@@ -242,8 +300,14 @@ impl<'a> Assembly<'a> {
         Ok(())
     }
 
-    pub(super) fn warn_of_unused(&mut self, tables: &BTreeMap<String, Spanned<MaterialTable>>) {
-        for (name, table) in tables {
+    pub(super) fn warn_of_unused(&mut self, file: &SceneFile) {
+        for (name, table) in &file.textures {
+            if !self.used_textures.contains(name) {
+                let warning = format!("texture `{name}` is not used");
+                self.warnings.push(self.source.warning(table.span(), warning));
+            }
+        }
+        for (name, table) in &file.materials {
             if !self.used.contains(&self.ids[name]) {
                 let warning = format!("material `{name}` is not used");
                 self.warnings.push(self.source.warning(table.span(), warning));

@@ -3,10 +3,11 @@
 use base::Rgb;
 use toml::Spanned;
 
+use super::assembly::Assembly;
 use super::keys::{Typed, list, span};
 use super::source::Source;
 use super::tables::MaterialTable;
-use crate::{Error, Material, Specular};
+use crate::{Error, Material, Specular, TextureId};
 
 /// Indices of refraction beyond these limits are typing errors.
 pub(super) const IOR_RANGE: std::ops::RangeInclusive<f32> = 0.1..=10.0;
@@ -23,18 +24,19 @@ const METALS: [(&str, [f32; 3], [f32; 3]); 7] = [
     ("silver", [0.15943, 0.14512, 0.13547], [3.9291, 3.1900, 2.3808]),
 ];
 
-/// The material of a table, and warnings about it.
+/// The material of a table; its textures are known to the assembly.
 pub(super) fn material(
-    source: &Source,
+    assembly: &mut Assembly<'_>,
     name: &str,
     table: &MaterialTable,
-    warnings: &mut Vec<String>,
 ) -> Result<Material, Error> {
+    let source = assembly.source;
     let object = format!("material `{name}`");
     let of = |what: &str| format!("the {what} of {object}");
     let typed = Typed { source, object: &object, kind: &table.kind };
     let given = [
         ("albedo", span(&table.albedo)),
+        ("albedo_texture", span(&table.albedo_texture)),
         ("emission", span(&table.emission)),
         ("reflectance", span(&table.reflectance)),
         ("eta", span(&table.eta)),
@@ -43,27 +45,21 @@ pub(super) fn material(
         ("ior", span(&table.ior)),
         ("absorption", span(&table.absorption)),
     ];
-    let mut albedo = Rgb::BLACK;
+    let (mut albedo, mut albedo_texture) = (Rgb::BLACK, None);
     let specular = match table.kind.get_ref().as_str() {
         "diffuse" => {
-            typed.take_only(&given, &["albedo", "emission"])?;
-            albedo = source.share(typed.need(&table.albedo, "albedo")?, &of("albedo"))?;
+            typed.take_only(&given, &["albedo", "albedo_texture", "emission"])?;
+            if table.albedo_texture.is_none() {
+                typed.need(&table.albedo, "albedo")?;
+            }
+            (albedo, albedo_texture) = diffuse(assembly, &object, table, Rgb::BLACK)?;
             Specular::None
         }
         "mirror" => {
-            typed.take_only(&given, &["reflectance", "albedo", "emission"])?;
+            typed.take_only(&given, &["reflectance", "albedo", "albedo_texture", "emission"])?;
             let written = typed.need(&table.reflectance, "reflectance")?;
             let reflectance = source.share(written, &of("reflectance"))?;
-            if let Some(diffuse) = &table.albedo {
-                albedo = source.share(diffuse, &of("albedo"))?;
-                // Decimal fractions that add up to 1 may add up to a little more in binary.
-                if (albedo + reflectance).max_channel() > 1.0 + 2.0 * f32::EPSILON {
-                    let fault = format!(
-                        "albedo and reflectance of {object} add up to more than 1, which would create light; lower one of them"
-                    );
-                    return Err(source.fault(diffuse.span(), fault));
-                }
-            }
+            (albedo, albedo_texture) = diffuse(assembly, &object, table, reflectance)?;
             Specular::Mirror { reflectance }
         }
         "metal" => {
@@ -95,7 +91,7 @@ pub(super) fn material(
             };
             if ior == 1.0 && absorption.is_black() {
                 let warning = format!("{} is 1, so it is invisible", of("ior"));
-                warnings.push(source.warning(written.span(), warning));
+                assembly.warnings.push(source.warning(written.span(), warning));
             }
             Specular::Glass { ior, absorption }
         }
@@ -105,7 +101,48 @@ pub(super) fn material(
         Some(emission) => source.amount(emission, &of("emission"))?,
         None => Rgb::BLACK,
     };
-    Ok(Material { name: name.into(), albedo, specular, emission })
+    Ok(Material { name: name.into(), albedo, albedo_texture, specular, emission })
+}
+
+/// The albedo of a table and what it is multiplied with, beside a specular part of the given reflectance.
+fn diffuse(
+    assembly: &mut Assembly<'_>,
+    object: &str,
+    table: &MaterialTable,
+    reflectance: Rgb,
+) -> Result<(Rgb, Option<TextureId>), Error> {
+    let source = assembly.source;
+    let albedo = match (&table.albedo, &table.albedo_texture) {
+        (Some(albedo), _) => source.share(albedo, &format!("the albedo of {object}"))?,
+        (None, Some(_)) => Rgb::ONE,
+        (None, None) => return Ok((Rgb::BLACK, None)),
+    };
+    let (texture, largest) = match &table.albedo_texture {
+        Some(name) => {
+            let (id, largest) = assembly.texture(name, object)?;
+            (Some((id, name)), largest)
+        }
+        None => (None, 1.0),
+    };
+    // Decimal fractions that add up to 1 may add up to a little more in binary.
+    if (albedo * largest + reflectance).max_channel() > 1.0 + 2.0 * f32::EPSILON {
+        let place = table.albedo.as_ref().map(Spanned::span);
+        return Err(match texture {
+            Some((_, name)) => {
+                let fault = format!(
+                    "the texture of {object} reaches {largest}, with which more light would leave than arrives; lower `albedo`, which it is multiplied with"
+                );
+                source.fault(place.unwrap_or(name.span()), fault)
+            }
+            None => {
+                let fault = format!(
+                    "albedo and reflectance of {object} add up to more than 1, which would create light; lower one of them"
+                );
+                source.fault(place.unwrap_or_default(), fault)
+            }
+        });
+    }
+    Ok((albedo, texture.map(|(id, _)| id)))
 }
 
 fn metal(source: &Source, typed: &Typed<'_>, table: &MaterialTable) -> Result<Specular, Error> {

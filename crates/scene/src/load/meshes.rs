@@ -32,11 +32,14 @@ pub(super) fn add(
             source.fault(table.file.span(), fault)
         })
     };
+    let textured = material.is_some_and(|m| assembly.is_textured(m));
     let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let mut mesh = match ending.as_deref() {
         Some("obj") => {
-            let wanted =
-                if material.is_some() { Materials::Ignored } else { Materials::FromLibraries };
+            let wanted = match material {
+                Some(_) => Materials::Ignored { textured },
+                None => Materials::FromLibraries,
+            };
             let obj = obj::read(&path, &bytes()?, wanted)?;
             assembly.warnings.extend(obj.warnings);
             let first = assembly.materials.len();
@@ -57,7 +60,7 @@ pub(super) fn add(
                 let fault = format!("{object} needs the key `material`: PLY files have none");
                 return Err(source.fault(table.file.span(), fault));
             };
-            let ply = ply::read(&path, &bytes()?, material)?;
+            let ply = ply::read(&path, &bytes()?, material, textured)?;
             assembly.warnings.extend(ply.warnings);
             ply.mesh
         }

@@ -168,7 +168,10 @@ impl Library {
                 *reflectance = *reflectance / total;
             }
         }
-        Ok((Material { name: name.clone(), albedo, specular, emission: ke }, warnings))
+        Ok((
+            Material { name: name.clone(), albedo, albedo_texture: None, specular, emission: ke },
+            warnings,
+        ))
     }
 }
 

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use geometry::{MaterialId, Mesh};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::lines::TextFile;
 use super::polygon::triangulate;
@@ -22,7 +22,10 @@ pub(super) enum Materials {
     /// From the libraries that the file names.
     FromLibraries,
     /// Not at all: another one takes their place.
-    Ignored,
+    Ignored {
+        /// Whether that one needs texture coordinates.
+        textured: bool,
+    },
 }
 
 /// A file's mesh, the materials it uses, and what its author should know.
@@ -48,10 +51,15 @@ pub(super) fn read(path: &Path, bytes: &[u8], materials: Materials) -> Result<Ob
     let (models, _) = tobj::load_obj_buf(&mut checked.text.as_bytes(), &options, numbered)
         .map_err(|e| file.whole(format!("{e}; save the file anew")))?;
     let mut mesh = Mesh::default();
+    let some_have_uvs = models.iter().any(|m| !m.mesh.texcoords.is_empty());
     let some_have_normals = models.iter().any(|m| !m.mesh.normals.is_empty());
     for model in &models {
         let material = MaterialId(model.mesh.material_id.unwrap_or(0) as u16);
         add_model(&model.mesh, material, some_have_normals, &mut mesh);
+        if some_have_uvs {
+            // Models without are of materials without a texture.
+            mesh.uvs.resize(mesh.positions.len(), Vec2::ZERO);
+        }
     }
     Ok(Obj { mesh, materials: checked.materials, warnings: checked.warnings })
 }
@@ -61,6 +69,8 @@ fn add_model(model: &tobj::Mesh, material: MaterialId, with_normals: bool, mesh:
         v.as_chunks().0.iter().copied().map(Vec3::from_array).collect()
     };
     let positions = vectors(&model.positions);
+    let uvs: Vec<Vec2> =
+        model.texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect();
     let mut triangles = Vec::new();
     let mut rest = model.indices.as_slice();
     // No arities mean triangles only.
@@ -78,6 +88,10 @@ fn add_model(model: &tobj::Mesh, material: MaterialId, with_normals: bool, mesh:
     if with_normals && model.normals.is_empty() {
         // Flat faces among smooth ones: each triangle has corners of its own.
         for t in triangles {
+            if !uvs.is_empty() {
+                mesh.uvs.resize(mesh.positions.len(), Vec2::ZERO);
+                mesh.uvs.extend(t.map(|i| uvs[i as usize]));
+            }
             let corners = t.map(|i| positions[i as usize]);
             let [a, b, c] = corners.map(|p| p.as_dvec3());
             let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
@@ -87,6 +101,10 @@ fn add_model(model: &tobj::Mesh, material: MaterialId, with_normals: bool, mesh:
             mesh.triangles.push([first, first + 1, first + 2]);
         }
     } else {
+        if !uvs.is_empty() {
+            mesh.uvs.resize(mesh.positions.len(), Vec2::ZERO);
+            mesh.uvs.extend(uvs);
+        }
         mesh.positions.extend(positions);
         mesh.normals.extend(vectors(&model.normals));
         mesh.triangles.extend(triangles.into_iter().map(|t| t.map(|i| first + i)));
@@ -98,7 +116,8 @@ mod tests {
     use super::*;
 
     fn obj(text: &[u8]) -> Result<Obj, String> {
-        read(Path::new("a.obj"), text, Materials::Ignored).map_err(|e| e.to_string())
+        read(Path::new("a.obj"), text, Materials::Ignored { textured: false })
+            .map_err(|e| e.to_string())
     }
 
     /// The corners of all triangles.
@@ -169,6 +188,36 @@ mod tests {
             .collect();
         assert_eq!(normals, [0.0, 1.0, 0.0, 1.0, 0.0, 0.0]);
         assert_eq!(obj.mesh.normals.len(), obj.mesh.positions.len());
+    }
+
+    #[test]
+    fn texture_coordinates_are_read_where_they_are_needed() {
+        let textured = |text: &str| {
+            let text = format!("{CORNERS}vn 0 0 1\nvt 0.25 0.5\nvt 0.75\nvt 1 1 0\n{text}\n");
+            read(Path::new("a.obj"), text.as_bytes(), Materials::Ignored { textured: true })
+                .map_err(|e| e.to_string())
+        };
+        // Flat faces among smooth ones get corners of their own.
+        let obj = textured("o a\nf 1/1 2/-2 3/3\no b\nf 1/3/1 3/2/1 4/1/1").unwrap();
+        let uvs: Vec<_> =
+            obj.mesh.triangles.iter().map(|t| t.map(|i| obj.mesh.uvs[i as usize])).collect();
+        let [p, q, r] = [Vec2::new(0.25, 0.5), Vec2::new(0.75, 0.0), Vec2::ONE];
+        assert_eq!(uvs, [[p, q, r], [r, q, p]]);
+        assert_eq!(obj.mesh.uvs.len(), obj.mesh.positions.len());
+        let cases = [
+            (
+                "f 1/1 2 3/3",
+                "a.obj:9:1: the face has no texture coordinates, which its material needs; add them, or remove the texture",
+            ),
+            (
+                "f 1/1 2/4 3/3",
+                "a.obj:9:1: the face names texture coordinates 4, but there are 3 before it",
+            ),
+            ("vt inf 0", "a.obj:9:1: `vt` holds inf; give finite numbers"),
+        ];
+        for (line, expected) in cases {
+            assert_eq!(textured(line).unwrap_err(), expected);
+        }
     }
 
     #[test]

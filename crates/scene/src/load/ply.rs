@@ -8,7 +8,7 @@ mod header;
 use std::path::Path;
 
 use geometry::{MaterialId, Mesh};
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::polygon::{MAX_CORNERS, triangulate};
 use super::source::MAX_LENGTH;
@@ -25,8 +25,13 @@ pub(super) struct Ply {
 
 /// Reads the vertices and faces of a file; everything else in it is skipped.
 ///
-/// Normals are as written: of any length, even none.
-pub(super) fn read(path: &Path, bytes: &[u8], material: MaterialId) -> Result<Ply, Error> {
+/// Normals are as written: of any length, even none. Texture coordinates are read only if they are needed.
+pub(super) fn read(
+    path: &Path,
+    bytes: &[u8],
+    material: MaterialId,
+    textured: bool,
+) -> Result<Ply, Error> {
     let header = Header::parse(path, bytes)?;
     let n_vertices = header.element("vertex").map_or(0, |e| e.count);
     let whole = |fault: String| Error::whole(path, fault);
@@ -48,7 +53,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], material: MaterialId) -> Result<Pl
     let mut faces = Faces::default();
     for element in &header.elements {
         match element.name.as_str() {
-            "vertex" => read_vertices(&mut body, element, &mut mesh)?,
+            "vertex" => read_vertices(&mut body, element, textured, &mut mesh)?,
             "face" => read_faces(&mut body, element, n_vertices, &mut faces)?,
             _ => (0..element.count).try_for_each(|i| body.skip(element, i))?,
         }
@@ -71,7 +76,15 @@ pub(super) fn read(path: &Path, bytes: &[u8], material: MaterialId) -> Result<Pl
     Ok(Ply { mesh, warnings })
 }
 
-fn read_vertices(body: &mut Body<'_>, element: &Element, mesh: &mut Mesh) -> Result<(), Error> {
+/// The names that programs give to texture coordinates.
+const UVS: [[&str; 2]; 3] = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"]];
+
+fn read_vertices(
+    body: &mut Body<'_>,
+    element: &Element,
+    textured: bool,
+    mesh: &mut Mesh,
+) -> Result<(), Error> {
     let mut positions = [0; 3];
     for (place, name) in positions.iter_mut().zip(["x", "y", "z"]) {
         *place = element.scalar(name).ok_or_else(|| {
@@ -83,7 +96,14 @@ fn read_vertices(body: &mut Body<'_>, element: &Element, mesh: &mut Mesh) -> Res
         [Some(x), Some(y), Some(z)] => Some([x, y, z]),
         _ => None,
     };
+    let uvs = UVS.iter().find_map(|[u, v]| Some([element.scalar(u)?, element.scalar(v)?]));
+    let uvs = if textured { uvs } else { None };
+    if textured && uvs.is_none() {
+        let fault = "vertices have no texture coordinates, which the material needs; save the file with u and v";
+        return Err(body.whole(fault.into()));
+    }
     mesh.positions.reserve_exact(element.count);
+    mesh.uvs.reserve_exact(if textured { element.count } else { 0 });
     mesh.normals.reserve_exact(if normals.is_some() { element.count } else { 0 });
     let mut values = vec![0.0; element.properties.len()];
     for i in 0..element.count {
@@ -96,6 +116,16 @@ fn read_vertices(body: &mut Body<'_>, element: &Element, mesh: &mut Mesh) -> Res
             )));
         }
         mesh.positions.push(p.as_vec3());
+        if let Some(places) = uvs {
+            let uv = DVec2::from_array(places.map(|place| values[place]));
+            if !uv.is_finite() || uv.abs().max_element() > f64::from(MAX_LENGTH) {
+                return Err(body.fault(format!(
+                    "the texture coordinates of vertex {i} are ({}, {}); they must be finite and within {MAX_LENGTH:e}",
+                    uv.x, uv.y
+                )));
+            }
+            mesh.uvs.push(uv.as_vec2());
+        }
         if let Some(places) = normals {
             let n = DVec3::from_array(places.map(|place| values[place]));
             if !n.is_finite() {
@@ -197,7 +227,7 @@ mod tests {
     use super::*;
 
     fn ply(bytes: &[u8]) -> Result<Ply, String> {
-        read(Path::new("a.ply"), bytes, MaterialId(3)).map_err(|e| e.to_string())
+        read(Path::new("a.ply"), bytes, MaterialId(3), false).map_err(|e| e.to_string())
     }
 
     const POSITIONS: [[f32; 3]; 4] =
@@ -275,6 +305,35 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn texture_coordinates_have_many_names() {
+        let file = |u: &str, v: &str, first: &str| {
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                 property float {v}\nproperty float {u}\nelement face 1\nproperty list uchar int vertex_index\n\
+                 end_header\n0 0 0 0.5 {first}\n1 0 0 0 0.75\n1 1 0 1 1\n3 0 1 2\n"
+            )
+        };
+        let textured = |file: String| {
+            read(Path::new("a.ply"), file.as_bytes(), MaterialId(0), true)
+                .map_err(|e| e.to_string())
+        };
+        for [u, v] in UVS {
+            let uvs = textured(file(u, v, "0.25")).unwrap().mesh.uvs;
+            let uvs: Vec<_> = uvs.iter().map(|uv| uv.to_array()).collect();
+            assert_eq!(uvs, [[0.25, 0.5], [0.75, 0.0], [1.0, 1.0]], "{u} {v}");
+            assert!(ply(file(u, v, "0.25").as_bytes()).unwrap().mesh.uvs.is_empty());
+        }
+        assert_eq!(
+            textured(file("u", "w", "0")).unwrap_err(),
+            "a.ply: vertices have no texture coordinates, which the material needs; save the file with u and v"
+        );
+        assert_eq!(
+            textured(file("u", "v", "1e9")).unwrap_err(),
+            "a.ply:12:1: the texture coordinates of vertex 0 are (1000000000, 0.5); they must be finite and within 1e8"
+        );
     }
 
     #[test]

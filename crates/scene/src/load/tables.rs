@@ -16,6 +16,8 @@ type Place = Spanned<[f64; 3]>;
 pub(super) struct SceneFile {
     pub(super) camera: Spanned<CameraTable>,
     #[serde(default)]
+    pub(super) textures: BTreeMap<String, Spanned<TextureTable>>,
+    #[serde(default)]
     pub(super) materials: BTreeMap<String, Spanned<MaterialTable>>,
     #[serde(default)]
     pub(super) meshes: Vec<Spanned<MeshTable>>,
@@ -39,6 +41,18 @@ pub(super) struct CameraTable {
     pub(super) fov_axis: Option<Spanned<String>>,
 }
 
+/// All kinds of texture in one, as for [`MaterialTable`].
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub(super) struct TextureTable {
+    #[serde(rename = "type")]
+    pub(super) kind: Spanned<String>,
+    pub(super) colors: Option<[Spanned<Color>; 2]>,
+    pub(super) scale: Option<Spanned<[f64; 2]>>,
+    pub(super) rotate: Option<Spanned<f64>>,
+    pub(super) offset: Option<Spanned<[f64; 2]>>,
+}
+
 /// All kinds of material in one: which keys go with which `type` is checked later, with better words than serde's.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table")]
@@ -46,6 +60,7 @@ pub(super) struct MaterialTable {
     #[serde(rename = "type")]
     pub(super) kind: Spanned<String>,
     pub(super) albedo: Option<Spanned<Color>>,
+    pub(super) albedo_texture: Option<Spanned<String>>,
     pub(super) emission: Option<Spanned<Color>>,
     pub(super) reflectance: Option<Spanned<Color>>,
     pub(super) eta: Option<Spanned<Color>>,

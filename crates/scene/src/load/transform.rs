@@ -65,18 +65,22 @@ pub(super) fn affine(
 fn rotation_matrix(source: &Source, what: &str, table: &RotationTable) -> Result<DMat3, Error> {
     let axis = source.direction(&table.axis, &format!("the axis of {what}"))?;
     let degrees = f64::from(source.number(&table.degrees, &format!("the angle of {what}"))?);
-    // Quarter turns are exact.
+    let (sin, cos) = sin_cos(degrees);
+    let cross = DMat3::from_cols(axis.cross(DVec3::X), axis.cross(DVec3::Y), axis.cross(DVec3::Z));
+    let outer = DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+    Ok(cross * sin + DMat3::IDENTITY * cos + outer * (1.0 - cos))
+}
+
+/// Sine and cosine of an angle in degrees; those of quarter turns are exact.
+pub(super) fn sin_cos(degrees: f64) -> (f64, f64) {
     let quarters = (degrees / 90.0).round();
     let (sin, cos) = libm::sincos((degrees - quarters * 90.0).to_radians());
-    let (sin, cos) = match quarters.rem_euclid(4.0) as u8 {
+    match quarters.rem_euclid(4.0) as u8 {
         0 => (sin, cos),
         1 => (cos, -sin),
         2 => (-sin, -cos),
         _ => (-cos, sin),
-    };
-    let cross = DMat3::from_cols(axis.cross(DVec3::X), axis.cross(DVec3::Y), axis.cross(DVec3::Z));
-    let outer = DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-    Ok(cross * sin + DMat3::IDENTITY * cos + outer * (1.0 - cos))
+    }
 }
 
 /// Applies the map. A map that mirrors keeps the front sides where they were.
@@ -190,6 +194,7 @@ mod tests {
             normals: vec![Vec3::ONE.normalize(); 3],
             triangles: vec![[0, 1, 2]],
             materials: vec![MaterialId(0)],
+            ..Mesh::default()
         };
         assert!(apply(&map("scale = [1, 2, 4]"), &mut mesh));
         let [a, b, c] = mesh.corners(0);

@@ -12,7 +12,8 @@ pub(super) fn finish(
     assembly: Assembly<'_>,
     camera: Camera,
 ) -> Result<(Parts, Vec<String>), Error> {
-    let Assembly { source, materials, meshes, spheres, lights, mut warnings, .. } = assembly;
+    let Assembly { source, materials, textures, meshes, spheres, lights, mut warnings, .. } =
+        assembly;
     let emits = |mesh: &Mesh| {
         mesh.materials.iter().any(|m| !materials[usize::from(m.0)].emission.is_black())
     };
@@ -49,7 +50,7 @@ pub(super) fn finish(
         );
         warnings.push(source.fault_of_whole(text).to_string());
     }
-    let parts = Parts { camera, materials, meshes, spheres, lights };
+    let parts = Parts { camera, materials, textures, meshes, spheres, lights };
     if let Some(name) = dark_enclosure(&parts) {
         let fault = format!(
             "the camera is shut in by `{name}`, which is opaque and has no light inside; move one of them"

@@ -11,9 +11,8 @@ use crate::load::polygon::MAX_CORNERS;
 use crate::load::source::{MAX_LENGTH, read_bytes};
 use crate::{Error, Material};
 
-/// Statements without a meaning for us: texture coordinates, points, lines, groups, levels of detail.
-const IGNORED: [&str; 13] = [
-    "vt",
+/// Statements without a meaning for us: points, lines, groups, levels of detail.
+const IGNORED: [&str; 12] = [
     "p",
     "l",
     "s",
@@ -54,14 +53,14 @@ struct Object {
 struct Face {
     line: usize,
     material: usize,
-    /// Position and normal, counted from 1; a normal of 0 is none.
-    corners: Vec<[usize; 2]>,
+    /// Position, texture coordinates and normal, counted from 1; 0 is none.
+    corners: Vec<[usize; 3]>,
 }
 
 /// What has been read so far.
 struct Checker<'a> {
     file: &'a TextFile,
-    from_libraries: bool,
+    materials: Materials,
     checked: Checked,
     libraries: Vec<Library>,
     /// Numbers in `checked.materials` by library and place in it.
@@ -69,6 +68,7 @@ struct Checker<'a> {
     material: Option<usize>,
     object: Object,
     n_positions: usize,
+    n_uvs: usize,
     n_normals: usize,
     n_faces: usize,
 }
@@ -77,13 +77,14 @@ impl Checked {
     pub(super) fn new(file: &TextFile, bytes: &[u8], materials: Materials) -> Result<Self, Error> {
         let mut checker = Checker {
             file,
-            from_libraries: materials == Materials::FromLibraries,
+            materials,
             checked: Self { text: "mtllib all\n".into(), ..Self::default() },
             libraries: Vec::new(),
             numbers: BTreeMap::new(),
             material: None,
             object: Object::default(),
             n_positions: 0,
+            n_uvs: 0,
             n_normals: 0,
             n_faces: 0,
         };
@@ -113,13 +114,25 @@ impl Checker<'_> {
                 let _ = writeln!(self.checked.text, "vn {} {} {}", x as f32, y as f32, z as f32);
                 self.n_normals += 1;
             }
+            "vt" => {
+                // Those along a line lack the second.
+                let n_words = statement.words().count();
+                let [u] = self.file.numbers(statement, MAX_LENGTH)?;
+                let v = if n_words > 1 {
+                    self.file.numbers::<2>(statement, MAX_LENGTH)?[1]
+                } else {
+                    0.0
+                };
+                let _ = writeln!(self.checked.text, "vt {} {}", u as f32, v as f32);
+                self.n_uvs += 1;
+            }
             "f" | "fo" => self.take_face(statement)?,
             "o" | "g" => {
                 self.end_object();
                 self.object.name = statement.name().to_string();
             }
-            "mtllib" if self.from_libraries => self.open_libraries(statement)?,
-            "usemtl" if self.from_libraries => {
+            "mtllib" if self.has_libraries() => self.open_libraries(statement)?,
+            "usemtl" if self.has_libraries() => {
                 self.material = Some(self.use_material(line, statement.name())?);
             }
             "mtllib" | "usemtl" => {}
@@ -140,22 +153,41 @@ impl Checker<'_> {
         Ok(())
     }
 
+    fn has_libraries(&self) -> bool {
+        self.materials == Materials::FromLibraries
+    }
+
+    /// Whether a material needs texture coordinates.
+    fn is_textured(&self, material: usize) -> bool {
+        match self.materials {
+            Materials::FromLibraries => self.checked.materials[material].albedo_texture.is_some(),
+            Materials::Ignored { textured } => textured,
+        }
+    }
+
     fn take_face(&mut self, statement: &Statement<'_>) -> Result<(), Error> {
         let line = statement.line;
         let material = match self.material {
             Some(material) => material,
-            None if self.from_libraries => {
+            None if self.has_libraries() => {
                 let fault = "the face has no material; add `usemtl`, or give the mesh a material in the scene file";
                 return Err(self.file.fault(line, fault));
             }
             None => 0,
         };
+        let textured = self.is_textured(material);
         let mut corners = Vec::new();
         for word in statement.words() {
             let mut parts = word.split('/');
             let position = self.index(line, word, parts.next(), self.n_positions, "vertex")?;
-            // Texture coordinates aren't used.
-            let _ = parts.next();
+            let uv = match parts.next() {
+                _ if !textured => 0,
+                None | Some("") => {
+                    let fault = "the face has no texture coordinates, which its material needs; add them, or remove the texture";
+                    return Err(self.file.fault(line, fault));
+                }
+                uv => self.index(line, word, uv, self.n_uvs, "texture coordinates")?,
+            };
             let normal = match parts.next() {
                 None | Some("") => 0,
                 normal => self.index(line, word, normal, self.n_normals, "normal")?,
@@ -163,7 +195,7 @@ impl Checker<'_> {
             if parts.next().is_some() {
                 return Err(self.file.fault(line, format!("`{word}` is no corner of a face")));
             }
-            corners.push([position, normal]);
+            corners.push([position, uv, normal]);
         }
         if !(3..=MAX_CORNERS).contains(&corners.len()) {
             let fault =
@@ -259,8 +291,8 @@ impl Checker<'_> {
         let object = std::mem::take(&mut self.object);
         let Some(first) = object.faces.first() else { return };
         let corners = || object.faces.iter().flat_map(|f| &f.corners);
-        let with_normals = corners().all(|c| c[1] != 0);
-        if !with_normals && corners().any(|c| c[1] != 0) {
+        let with_normals = corners().all(|c| c[2] != 0);
+        if !with_normals && corners().any(|c| c[2] != 0) {
             let name = if object.name.is_empty() { "without a name" } else { &object.name };
             let warning = format!(
                 "only some corners of the object `{name}` have normals; all of them are ignored"
@@ -277,11 +309,12 @@ impl Checker<'_> {
                 let _ = writeln!(text, "usemtl {}", face.material);
             }
             text.push('f');
-            for [position, normal] in &face.corners {
-                let _ = if with_normals {
-                    write!(text, " {position}//{normal}")
-                } else {
-                    write!(text, " {position}")
+            for &[position, uv, normal] in &face.corners {
+                let _ = match (uv, with_normals) {
+                    (0, false) => write!(text, " {position}"),
+                    (0, true) => write!(text, " {position}//{normal}"),
+                    (_, false) => write!(text, " {position}/{uv}"),
+                    (_, true) => write!(text, " {position}/{uv}/{normal}"),
                 };
             }
             text.push('\n');
