@@ -94,6 +94,12 @@ impl Lattice {
         self.size
     }
 
+    /// The step of a pixel: how far, in pixels, the coarser ones lie from which it is predicted.
+    pub fn step(&self, index: usize) -> u32 {
+        let pixel = self.size.pixel(index);
+        rank(pixel.x, pixel.y).0
+    }
+
     pub(crate) fn has_site(&self, index: usize) -> bool {
         self.has_site[index]
     }

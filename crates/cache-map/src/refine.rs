@@ -8,13 +8,14 @@
 use std::ops::{Add, Mul, Sub};
 
 use base::{Pixel, Rgb};
+use bytemuck::Pod;
 use rayon::prelude::*;
 
 use crate::lattice::{FAR_AFTER, FAR_BEFORE, Lattice, NEAR, Rank, lines, rank};
 
-/// Something that can be interpolated.
+/// Something that can be interpolated, and saved as it lies in memory.
 pub trait Value:
-    Copy + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
+    Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
 {
     /// How much of it there is: the luminance of its absolute value.
     fn size(self) -> f32;
@@ -46,7 +47,7 @@ impl Value for Rgb {
     }
 }
 
-/// Why a pixel was traced. The numbers stand in the `reason.*` layers.
+/// Why a pixel was traced, or why it didn't need to be. The numbers stand in the `reason.*` layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Reason {
@@ -65,6 +66,17 @@ pub enum Reason {
     Verification = 5,
     /// It was held out to measure the error.
     HoldOut = 6,
+    /// It wasn't: a saved record lies at this very point.
+    Reused = 7,
+    /// It wasn't: saved records around it agree what it is.
+    Nearby = 8,
+}
+
+impl Reason {
+    /// Whether the value comes from saved records instead of being computed.
+    pub fn is_reuse(self) -> bool {
+        matches!(self, Self::Reused | Self::Nearby)
+    }
 }
 
 /// A quantity at every pixel, with its history.
@@ -88,9 +100,21 @@ impl<T: Value> Layer<T> {
         }
     }
 
-    /// Whether the value was computed at this very pixel.
+    /// Whether the value was computed, now or before, or taken from records: it isn't interpolated from pixels.
     pub fn is_traced(&self, index: usize) -> bool {
         self.reasons[index] != Reason::Interpolated
+    }
+
+    /// Whether the value was computed at this very point, now or before.
+    pub fn is_exact(&self, index: usize) -> bool {
+        !matches!(self.reasons[index], Reason::Interpolated | Reason::Nearby)
+    }
+
+    /// Forgets what records around a pixel told, so that it is asked for again, perhaps more strictly.
+    pub fn forget_nearby(&mut self) {
+        for reason in self.reasons.iter_mut().filter(|r| **r == Reason::Nearby) {
+            *reason = Reason::Interpolated;
+        }
     }
 }
 

@@ -111,11 +111,12 @@ pub struct Paper {
     /// Share of the pixels sampled at low resolution [default: one in each quarter of the region]
     #[arg(long, value_name = "SHARE", value_parser = parse_fraction)]
     pub fraction: Option<f64>,
-    /// Save the samples, and all else that the picture was interpolated from or that was traced
-    #[arg(long, value_name = "FILE.cache")]
+    /// Save all that was computed, in mode paper for the same view, in mode adaptive for any
+    #[arg(long, value_name = "FILE.cache", help_heading = "Modes paper and adaptive")]
     pub save_cache: Option<PathBuf>,
-    /// Start from what was saved, with other thresholds or at another resolution
-    #[arg(long, value_name = "FILE.cache")]
+    /// Start from what the same mode has saved: with other thresholds, another error, at another resolution, and in
+    /// mode adaptive with another camera
+    #[arg(long, value_name = "FILE.cache", help_heading = "Modes paper and adaptive")]
     pub from_cache: Option<PathBuf>,
 }
 

@@ -70,13 +70,13 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
             if let Some(fraction) = paper.fraction {
                 option("--fraction", fraction.to_string());
             }
-            let mut file = |name: &str, path: Option<&Path>| {
-                path.into_iter().for_each(|p| option(name, p.to_string_lossy().into_owned()));
-            };
-            file("--from-cache", from_cache);
-            file("--save-cache", save_cache);
         }
     }
+    let mut file = |name: &str, path: Option<&Path>| {
+        path.into_iter().for_each(|p| option(name, p.to_string_lossy().into_owned()));
+    };
+    file("--from-cache", from_cache);
+    file("--save-cache", save_cache);
     words.push("--force".into());
     cli::command_line(words.into_iter().map(Into::into))
 }
@@ -114,8 +114,9 @@ pub(crate) fn write(
 
 /// All layers. The picture itself is the sum emission + direct + indirect + specular + caustics, in that order.
 ///
-/// The layers tell of the picture, not of the run: what was loaded from a cache map had been computed at its pixel, so
-/// its `traced` is 1. What this run has computed is told by `--stats`.
+/// The layers tell of the picture, not of the run: in mode paper, what was loaded from a cache map had been computed at its
+/// pixel, so its `traced` is 1. In mode adaptive it may have been computed elsewhere: its `traced` is 0, and its `reason`
+/// says so. What this run has computed is told by `--stats`.
 fn layers(
     args: &Args,
     frame: &Frame<'_>,

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use anyhow::bail;
 use base::{Component, Components, Grid, Inventory, Pixel};
 use cache_map::{CacheMap, Origin, Saved, SurfacePoint, Thresholds, choose_pixels};
 use cli::{Clock, Seconds};
+use mapfile::Error;
 use shade::Counts;
 
 use crate::frame::Frame;
@@ -49,7 +51,15 @@ pub(crate) fn render(
         })
     }));
     if let Some(path) = &args.paper.from_cache {
-        map.adopt(&Saved::open(path, inputs, &output::cache_command(args, path))?);
+        let remedy = output::cache_command(args, path);
+        match Saved::open(path, inputs, &remedy) {
+            Err(Error::OtherKind { path, found, .. }) if found == cache_map::RECORDS_KIND => bail!(
+                "{} was saved in mode adaptive, which keeps no radiance; render with --mode adaptive, or replace it \
+                 with: {remedy}",
+                path.display()
+            ),
+            opened => map.adopt(&opened?),
+        }
     }
     let samples =
         map.unserved(&choose_pixels(frame.size(), fraction(args), args.seed), fraction(args));

@@ -85,10 +85,15 @@ pub fn render(args: &Args) -> anyhow::Result<()> {
 
 /// Finds what can't work before anything is done.
 fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
-    if args.mode != Mode::Paper
-        && (args.paper.save_cache.is_some() || args.paper.from_cache.is_some())
-    {
-        bail!(WrongUsage("--save-cache and --from-cache need --mode paper".into()));
+    let caches = match args.mode {
+        Mode::Paper => true,
+        Mode::Adaptive => args.error > 0.0,
+        Mode::Original => false,
+    };
+    if !caches && (args.paper.save_cache.is_some() || args.paper.from_cache.is_some()) {
+        bail!(WrongUsage(
+            "--save-cache and --from-cache need --mode paper, or --mode adaptive with an --error above 0".into()
+        ));
     }
     for path in &args.output {
         if let Err(error) = Format::of(path) {
@@ -153,7 +158,8 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
 
     let mut rendered = match args.mode {
         Mode::Adaptive if args.error > 0.0 => {
-            adaptive::render(args, &frame, &mut clock, &progress)?
+            let inputs = inputs_of_surfaces(&scene, &photons, &settings);
+            adaptive::render(args, &frame, &inputs, &mut clock, &progress)?
         }
         Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
         Mode::Paper => {
@@ -198,6 +204,13 @@ fn settings(args: &Args, diagonal: f32) -> Settings {
 
 /// All that the value of a pixel depends on, the resolution aside.
 fn inputs(scene: &Scene, photons: &PhotonMaps, settings: &Settings) -> Inventory {
+    let mut inputs = inputs_of_surfaces(scene, photons, settings);
+    inputs.add("the camera", scene.view_fingerprint());
+    inputs
+}
+
+/// All that light at a point of a surface depends on, whoever looks at it.
+fn inputs_of_surfaces(scene: &Scene, photons: &PhotonMaps, settings: &Settings) -> Inventory {
     let mut inputs = scene.inventory().clone();
     let digest = |bytes: &[u8]| Fingerprint::of(bytes);
     let gather = |g: &Gather| {
@@ -205,7 +218,6 @@ fn inputs(scene: &Scene, photons: &PhotonMaps, settings: &Settings) -> Inventory
         digest.pod(&[g.k as u64]).pod(&[g.max_radius]).bytes(g.kernel.name().as_bytes());
         digest.finish()
     };
-    inputs.add("the camera", scene.view_fingerprint());
     inputs.add("the photon map", photons.fingerprint());
     inputs.add("the number of shadow rays", digest(&settings.shadow_rays.to_le_bytes()));
     inputs.add("the estimate of indirect light", gather(&settings.indirect));

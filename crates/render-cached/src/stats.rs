@@ -36,6 +36,8 @@ pub(crate) struct Stats {
     /// Pixels that this run has computed. What was loaded from a cache map is neither here nor among the interpolated.
     traced: Components<u64>,
     interpolated: Components<u64>,
+    /// Pixels whose values mode adaptive has taken from the file of `--from-cache`.
+    reused: Components<u64>,
     rays: Rays,
     photons_visited: u64,
     chains_cut: u64,
@@ -72,10 +74,15 @@ impl Stats {
         photons: &PhotonMaps,
         stages: &Stages,
     ) -> Self {
-        let interpolated = Components::from_fn(|component| {
-            let origins = rendered.origins[component].values();
-            origins.iter().filter(|&&o| o == Origin::Interpolated).count() as u64
-        });
+        let count = |wanted: Origin| {
+            Components::from_fn(|component| {
+                let origins = rendered.origins[component].values();
+                origins.iter().filter(|&&o| o == wanted).count() as u64
+            })
+        };
+        // In mode paper what is known may be of no use.
+        let is_adaptive = rendered.adaptive.is_some();
+        let reused = if is_adaptive { count(Origin::Known) } else { Components::default() };
         let seconds = |f: fn(&Seconds) -> f64| StageSeconds {
             load: f(&stages.load),
             primary: f(&stages.primary),
@@ -105,7 +112,8 @@ impl Stats {
             seconds: seconds(|s| s.wall),
             cpu_seconds: seconds(|s| s.cpu),
             traced: rendered.traced,
-            interpolated,
+            interpolated: count(Origin::Interpolated),
+            reused,
             rays: Rays {
                 eye: counts.eye_rays,
                 specular: counts.specular_rays,
@@ -125,9 +133,14 @@ impl Stats {
         let n_pixels = f64::from(w) * f64::from(h);
         for component in Component::ALL {
             let (traced, cpu) = (self.traced[component], self.cpu_of(component));
-            let share = traced as f64 / n_pixels * 100.0;
+            let percent = |n: u64| n as f64 / n_pixels * 100.0;
+            let share = percent(traced);
+            let reused = match self.reused[component] {
+                0 => String::new(),
+                n => format!(", {:6.2} % reused", percent(n)),
+            };
             console.say(format_args!(
-                "{component:>10} {cpu:8.2} CPU s, {share:6.2} % of the pixels traced"
+                "{component:>10} {cpu:8.2} CPU s, {share:6.2} % of the pixels traced{reused}"
             ));
         }
         console.say(format_args!("{:>10} {:8.2} CPU s", "cache", self.cpu_seconds.cache));

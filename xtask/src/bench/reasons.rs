@@ -17,6 +17,8 @@ pub(crate) fn text(mode: &str, reason: u8) -> String {
             "traced: the neighbors differ too much",
             "traced: a verification ray disagreed",
             "traced: held out to measure the error",
+            "reused: a saved record lies at this point",
+            "reused: the saved records around it agree",
         ][..],
     };
     known
@@ -26,7 +28,7 @@ pub(crate) fn text(mode: &str, reason: u8) -> String {
 
 /// A color for a number, as on a screen: dark for what was interpolated, and bright ones that tell from each other.
 pub(crate) fn color(reason: u8) -> [u8; 3] {
-    const COLORS: [[u8; 3]; 8] = [
+    const COLORS: [[u8; 3]; 10] = [
         [38, 42, 50],
         [86, 180, 233],
         [230, 159, 0],
@@ -34,6 +36,8 @@ pub(crate) fn color(reason: u8) -> [u8; 3] {
         [204, 121, 167],
         [213, 94, 0],
         [0, 158, 115],
+        [0, 114, 178],
+        [148, 156, 168],
         [255, 255, 255],
     ];
     COLORS[usize::from(reason).min(COLORS.len() - 1)]

@@ -92,6 +92,7 @@ impl<'x, 'a> Account<'x, 'a> {
             Grid::from_fn(size, |pixel| match reasons[component][size.index(pixel)] {
                 _ if self.frame.surfaces()[pixel].is_none() => Origin::None,
                 Reason::Interpolated => Origin::Interpolated,
+                reason if reason.is_reuse() => Origin::Known,
                 _ => Origin::Traced,
             })
         });

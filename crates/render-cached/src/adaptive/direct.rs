@@ -1,10 +1,11 @@
 //! Direct light: unshadowed irradiance in closed form, times cached visibility, verified by rays.
 
 use base::{Component, Interrupted, Pixel, Rgb};
-use cache_map::{Layer, Reason, Rule, Tolerance, refine};
+use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance};
 use scene::Light;
 
 use super::indirect::Indirect;
+use super::records::{Saved, Source};
 use super::{Account, COARSEST, View};
 
 /// Lights whose visibility is cached each on its own. The others share a layer of irradiance.
@@ -15,7 +16,7 @@ const MAX_SEPARATE: usize = 4;
 pub(crate) struct Direct {
     lights: Vec<CachedLight>,
     /// Irradiance from all other lights together.
-    rest: Option<(Vec<usize>, Layer<Rgb>)>,
+    rest: Option<Rest>,
     /// Luminance of the whole irradiance.
     luminance: Vec<f32>,
 }
@@ -27,11 +28,24 @@ pub(crate) struct CachedLight {
     /// Unshadowed irradiance.
     unshadowed: Vec<Rgb>,
     pub(crate) visibility: Layer<f32>,
+    source: Source<f32>,
+}
+
+/// Lights that share a layer of irradiance.
+#[derive(Debug)]
+struct Rest {
+    lights: Vec<usize>,
+    layer: Layer<Rgb>,
+    source: Source<Rgb>,
 }
 
 impl Direct {
     /// Computes the unshadowed irradiance of the strongest lights everywhere.
-    pub(crate) fn start(view: &View, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
+    pub(crate) fn start(
+        view: &View,
+        saved: &Saved,
+        account: &mut Account<'_, '_>,
+    ) -> Result<Self, Interrupted> {
         let scene = account.frame.shader().scene;
         let flux = |l: &usize| scene.lights[*l].flux(&scene.bounds()).mean();
         let mut separate: Vec<usize> =
@@ -49,18 +63,23 @@ impl Direct {
                 source.unshadowed_irradiance(site.position.into(), site.normal.into())
             })?;
             let unshadowed = unshadowed.into_iter().map(|u| u.unwrap_or(Rgb::BLACK)).collect();
-            lights.push(CachedLight { light, unshadowed, visibility: Layer::new(n) });
+            let source = saved.visibility(light);
+            lights.push(CachedLight { light, unshadowed, visibility: Layer::new(n), source });
         }
         let others: Vec<usize> =
             (0..scene.lights.len()).filter(|l| !separate.contains(l)).collect();
-        let rest = (!others.is_empty()).then(|| (others, Layer::new(n)));
+        let rest = (!others.is_empty()).then(|| Rest {
+            lights: others,
+            layer: Layer::new(n),
+            source: saved.source(&saved.set.rest),
+        });
         Ok(Self { lights, rest, luminance: vec![0.0; n] })
     }
 
     pub(crate) fn irradiance(&self, index: usize) -> Rgb {
         let separate: Rgb =
             self.lights.iter().map(|l| l.unshadowed[index] * l.visibility.values[index]).sum();
-        separate + self.rest.as_ref().map_or(Rgb::BLACK, |(_, layer)| layer.values[index])
+        separate + self.rest.as_ref().map_or(Rgb::BLACK, |rest| rest.layer.values[index])
     }
 
     /// Luminance of [`Direct::irradiance`].
@@ -75,7 +94,31 @@ impl Direct {
 
     /// Irradiance of the lights that share a layer.
     pub(crate) fn rest(&self) -> Option<&Layer<Rgb>> {
-        self.rest.as_ref().map(|(_, layer)| layer)
+        self.rest.as_ref().map(|rest| &rest.layer)
+    }
+
+    /// All that is known of direct light, for good.
+    pub(crate) fn record(&self, view: &View, set: &mut RecordSet) {
+        let point = |layer_level: u8, i: usize| {
+            let spacing = (1_u32 << layer_level) as f32;
+            let reach = spacing / view.pixels_per_unit(i);
+            Some(RecordPoint { surface: view.sites.values()[i]?, reach })
+        };
+        let of_light = |cached: &CachedLight| {
+            let layer = &cached.visibility;
+            (cached.light as u32, cached.source.with(layer, |i| point(layer.levels[i], i)))
+        };
+        set.visibility = self.lights.iter().map(of_light).collect();
+        if let Some(Rest { layer, source, .. }) = &self.rest {
+            set.rest = source.with(layer, |i| point(layer.levels[i], i));
+        }
+    }
+
+    /// Whether what records around a pixel told counts anywhere.
+    pub(crate) fn uses_nearby(&self) -> bool {
+        let mut layers = self.lights.iter().map(|l| &l.visibility.reasons);
+        layers.any(|r| r.contains(&Reason::Nearby))
+            || self.rest.as_ref().is_some_and(|r| r.layer.reasons.contains(&Reason::Nearby))
     }
 
     /// Why any light was traced at each pixel.
@@ -84,11 +127,13 @@ impl Direct {
             .lights
             .iter()
             .map(|l| &l.visibility.reasons)
-            .chain(self.rest.iter().map(|r| &r.1.reasons));
+            .chain(self.rest.iter().map(|r| &r.layer.reasons));
         let mut reasons = vec![Reason::Interpolated; self.luminance.len()];
         for layer in layers {
             for (reason, &r) in reasons.iter_mut().zip(layer) {
-                if *reason == Reason::Interpolated {
+                if *reason == Reason::Interpolated
+                    || reason.is_reuse() && !r.is_reuse() && r != Reason::Interpolated
+                {
                     *reason = r;
                 }
             }
@@ -102,7 +147,7 @@ impl Direct {
             .lights
             .iter()
             .map(|l| &l.visibility.levels)
-            .chain(self.rest.iter().map(|r| &r.1.levels))
+            .chain(self.rest.iter().map(|r| &r.layer.levels))
             .next();
         first.cloned().unwrap_or_else(|| vec![0; self.luminance.len()])
     }
@@ -118,35 +163,46 @@ impl Direct {
         let mut known: Vec<f32> =
             (0..self.luminance.len()).map(|i| indirect.ambient(view, i)).collect();
         let shader = account.frame.shader();
-        for CachedLight { light, unshadowed, visibility } in &mut self.lights {
+        for CachedLight { light, unshadowed, visibility, source } in &mut self.lights {
             let rule = LightRule { view, unshadowed, known: &known, floor: indirect.floor() };
-            refine(
+            source.refine(
                 &view.lattice,
                 visibility,
                 COARSEST,
                 &rule,
                 tolerance,
-                &mut |pixels: &[Pixel]| {
+                |i| view.place(i),
+                account,
+                |account, pixels: &[Pixel]| {
                     account.pixels(Component::Direct, pixels, |point, stream, work| {
                         shader.visibility(*light, &point.facing, stream, work)
                     })
                 },
             )?;
-            verify(view, *light, visibility, &rule, tolerance, account)?;
+            verify(view, *light, visibility, source, &rule, tolerance, account)?;
             for (i, known) in known.iter_mut().enumerate() {
                 *known += unshadowed[i].luminance() * visibility.values[i];
             }
         }
-        if let Some((lights, layer)) = &mut self.rest {
+        if let Some(Rest { lights, layer, source }) = &mut self.rest {
             let rule = RestRule { view, known: &known, floor: indirect.floor() };
-            refine(&view.lattice, layer, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
-                account.pixels(Component::Direct, pixels, |point, stream, work| {
-                    lights
-                        .iter()
-                        .map(|&l| shader.irradiance_from(l, &point.facing, stream, work))
-                        .sum()
-                })
-            })?;
+            source.refine(
+                &view.lattice,
+                layer,
+                COARSEST,
+                &rule,
+                tolerance,
+                |i| view.place(i),
+                account,
+                |account, pixels: &[Pixel]| {
+                    account.pixels(Component::Direct, pixels, |point, stream, work| {
+                        lights
+                            .iter()
+                            .map(|&l| shader.irradiance_from(l, &point.facing, stream, work))
+                            .sum()
+                    })
+                },
+            )?;
         }
         self.luminance = (0..known.len()).map(|i| self.irradiance(i).luminance()).collect();
         Ok(())
@@ -204,6 +260,7 @@ fn verify(
     view: &View,
     light: usize,
     visibility: &mut Layer<f32>,
+    source: &Source<f32>,
     rule: &LightRule<'_>,
     tolerance: Tolerance,
     account: &mut Account<'_, '_>,
@@ -229,7 +286,7 @@ fn verify(
             let (Some(site), Some(surface)) = (&view.sites.values()[i], &surfaces[i]) else {
                 continue;
             };
-            if is_sure && !visibility.is_traced(i) && matters(i, value) {
+            if is_sure && !visibility.is_exact(i) && matters(i, value) {
                 let in_block = (pixel.y % 4) * 2 + pixel.x % 4 / 2;
                 let block = u64::from(pixel.y / 4) << 32 | u64::from(pixel.x / 4);
                 let facing = surface.facing(site.normal.into());
@@ -243,15 +300,23 @@ fn verify(
     })?;
     let mut wave = contradicted.concat();
     while !wave.is_empty() {
-        let values = account.pixels(Component::Direct, &wave, |point, stream, work| {
-            shader.visibility(light, &point.facing, stream, work)
+        // What records around a pixel tell is what is in doubt.
+        let take = |&pixel: &Pixel| {
+            let (value, _, reason) = source.take(&view.place(size.index(pixel))?, 0, |_| false)?;
+            Some((value, reason))
+        };
+        let values = source.fill(account, &wave, take, |account, wave| {
+            account.pixels(Component::Direct, wave, |point, stream, work| {
+                let value = shader.visibility(light, &point.facing, stream, work);
+                (value, Reason::Verification)
+            })
         })?;
         let mut next = Vec::new();
-        for (&pixel, value) in wave.iter().zip(values) {
+        for (&pixel, (value, reason)) in wave.iter().zip(values) {
             let i = size.index(pixel);
             let wrong_by = (value - visibility.values[i]).abs();
             visibility.values[i] = value;
-            visibility.reasons[i] = Reason::Verification;
+            visibility.reasons[i] = reason;
             if rule.gain(i) * wrong_by > tolerance.error * rule.reference(i, value) {
                 for y in pixel.y.saturating_sub(DOUBT)..(pixel.y + DOUBT + 1).min(size.height) {
                     next.extend(
@@ -265,7 +330,7 @@ fn verify(
         next.dedup();
         next.retain(|&p| {
             let i = size.index(p);
-            view.sites.values()[i].is_some() && rule.gain(i) > 0.0 && !visibility.is_traced(i)
+            view.sites.values()[i].is_some() && rule.gain(i) > 0.0 && !visibility.is_exact(i)
         });
         wave = next;
     }

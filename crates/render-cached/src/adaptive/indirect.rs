@@ -1,9 +1,10 @@
 //! Indirect irradiance.
 
 use base::{Component, Interrupted, Pixel, Rgb, math};
-use cache_map::{Layer, Reason, Rule, Tolerance, refine};
+use cache_map::{Layer, Nearby, Reason, RecordPoint, Records, Rule, Tolerance};
 
 use super::direct::Direct;
+use super::records::{Saved, Source};
 use super::{Account, COARSEST, View};
 
 /// The estimate is noisy, and band-limited by its own radius `r`: samples `s` apart miss noise of about `(s / r)^1.1`. Of
@@ -17,42 +18,71 @@ pub(crate) struct Indirect {
     pub(crate) layer: Layer<Rgb>,
     /// For each cell of the coarsest lattice the radius of the estimate, in pixels.
     radius: Vec<f32>,
+    /// The same in world units; 0 where the cell has no coarse pixel.
+    reach: Vec<f32>,
     /// Samples are this share of the radius apart.
     share: f32,
     /// Luminance of the irradiance, likewise; before refinement this is all that is known.
     ambient: Vec<f32>,
     /// Luminance of a picture's indirect radiance, in the mean: errors far below it don't show.
     floor: f32,
+    source: Source<Rgb>,
 }
 
 impl Indirect {
-    /// Traces the coarsest lattice.
-    pub(crate) fn start(view: &View, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
+    /// Traces the coarsest lattice, as far as it isn't known to this relative error.
+    pub(crate) fn start(
+        view: &View,
+        saved: &Saved,
+        error: f32,
+        account: &mut Account<'_, '_>,
+    ) -> Result<Self, Interrupted> {
         let pixels = view.coarse_pixels();
         let shader = account.frame.shader();
-        let estimates = account.pixels(Component::Indirect, &pixels, |point, _, work| {
-            let estimate = shader.indirect_estimate(&point.facing, work);
-            (estimate.irradiance, estimate.radius)
+        let source = saved.source(&saved.set.indirect);
+        let take = |&pixel: &Pixel| {
+            let is_good =
+                |near: &Nearby<Rgb>| near.error.max(near.span) <= error * near.value.luminance();
+            source.take(&view.place(view.size().index(pixel))?, COARSEST, is_good)
+        };
+        let estimates = source.fill(account, &pixels, take, |account, pixels| {
+            account.pixels(Component::Indirect, pixels, |point, _, work| {
+                let estimate = shader.indirect_estimate(&point.facing, work);
+                (estimate.irradiance, estimate.radius, Reason::Lattice)
+            })
         })?;
         let mut layer = Layer::new(view.size().n_pixels());
         let mut radius_of_cell = vec![COARSEST as f32; view.n_cells()];
         let mut ambient = vec![0.0; view.n_cells()];
         let mut sum = 0.0_f64;
-        for (&pixel, &(irradiance, radius)) in pixels.iter().zip(&estimates) {
+        let mut reach = vec![0.0; view.n_cells()];
+        for (&pixel, &(irradiance, radius, reason)) in pixels.iter().zip(&estimates) {
             let i = view.size().index(pixel);
             layer.values[i] = irradiance;
-            layer.reasons[i] = Reason::Lattice;
+            layer.reasons[i] = reason;
             layer.levels[i] = COARSEST.trailing_zeros() as u8;
+            reach[view.cell(i)] = radius;
             radius_of_cell[view.cell(i)] = radius * view.pixels_per_unit(i);
             ambient[view.cell(i)] = irradiance.luminance();
             sum += f64::from(irradiance.luminance() * view.gain(i));
         }
         let floor = 0.1 * sum as f32 / pixels.len().max(1) as f32;
-        Ok(Self { layer, radius: radius_of_cell, share: 1.0, ambient, floor })
+        Ok(Self { layer, radius: radius_of_cell, reach, share: 1.0, ambient, floor, source })
     }
 
     pub(crate) fn irradiance(&self, index: usize) -> Rgb {
         self.layer.values[index]
+    }
+
+    /// All that is known of indirect light, for good.
+    pub(crate) fn records(&self, view: &View) -> Records<Rgb> {
+        self.source.with(&self.layer, |i| {
+            let reach = match self.reach[view.cell(i)] {
+                0.0 => COARSEST as f32 / view.pixels_per_unit(i),
+                reach => reach,
+            };
+            Some(RecordPoint { surface: view.sites.values()[i]?, reach })
+        })
     }
 
     /// A guess of the luminance of what isn't direct light at a pixel, for white albedo and times pi.
@@ -121,13 +151,15 @@ impl Indirect {
             floor: self.floor,
         };
         let shader = account.frame.shader();
-        refine(
+        self.source.refine(
             &view.lattice,
             &mut self.layer,
             COARSEST,
             &rule,
             tolerance,
-            &mut |pixels: &[Pixel]| {
+            |i| view.place(i),
+            account,
+            |account, pixels: &[Pixel]| {
                 account.pixels(Component::Indirect, pixels, |point, _, work| {
                     shader.indirect_estimate(&point.facing, work).irradiance
                 })

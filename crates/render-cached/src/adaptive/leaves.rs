@@ -5,7 +5,9 @@
 //! mirror shows, what is seen through two sides of a glass ...), which are refined like the primary view.
 
 use base::{Component, Grid, ImageSize, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
-use cache_map::{Lattice, Layer, Reason, Rule, SurfacePoint, Tolerance, refine, same_surface};
+use cache_map::{
+    Lattice, Layer, Reason, RecordPoint, Records, Rule, SurfacePoint, Tolerance, same_surface,
+};
 use geometry::Surface;
 use glam::Vec2;
 use shade::{PixelStream, Shader, Work};
@@ -13,6 +15,7 @@ use shade::{PixelStream, Shader, Work};
 use super::caustic::Caustic;
 use super::direct::Direct;
 use super::indirect::Indirect;
+use super::records::{Place, Saved, Source};
 use super::{Account, View};
 use crate::frame::Frame;
 
@@ -59,12 +62,14 @@ pub(crate) struct Leaves {
     /// What surfaces emit and what lies beyond the scene, by pixel.
     emitted: Grid<Rgb>,
     radiance: Grid<Rgb>,
+    source: Source<Rgb>,
 }
 
 impl Leaves {
     /// Follows all chains.
     pub(crate) fn start(
         frame: &Frame<'_>,
+        saved: &Saved,
         account: &mut Account<'_, '_>,
     ) -> Result<Self, Interrupted> {
         let size = frame.size();
@@ -101,7 +106,24 @@ impl Leaves {
         }
         leaves.sort_unstable_by_key(|leaf| (leaf.path, leaf.pixel));
         let traced = vec![None; leaves.len()];
-        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted })
+        let source = saved.source(&saved.set.leaves);
+        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, source })
+    }
+
+    /// All that is known of the ends of chains, for good.
+    pub(crate) fn records(&self) -> Records<Rgb> {
+        let new = (0..self.leaves.len()).filter_map(|i| {
+            let (value, reason) = self.traced[i]?;
+            let Place { surface, pixel } = place(&self.leaves, i);
+            let reach = COARSEST as f32 * pixel;
+            (!reason.is_reuse()).then_some((RecordPoint { surface, reach }, value))
+        });
+        self.source.with_all(new.collect())
+    }
+
+    /// Whether what records around an end told counts anywhere.
+    pub(crate) fn uses_nearby(&self) -> bool {
+        self.traced.iter().any(|t| t.is_some_and(|t| t.1 == Reason::Nearby))
     }
 
     pub(crate) fn radiance(&self, index: usize) -> Rgb {
@@ -112,8 +134,11 @@ impl Leaves {
     pub(crate) fn reasons(&self) -> Vec<Reason> {
         let mut reasons = vec![Reason::Interpolated; self.radiance.values().len()];
         for (leaf, traced) in self.leaves.iter().zip(&self.traced) {
-            if let Some((_, reason)) = traced {
-                reasons[leaf.pixel as usize] = *reason;
+            let shown = &mut reasons[leaf.pixel as usize];
+            if let Some((_, reason)) = traced
+                && (*shown == Reason::Interpolated || !reason.is_reuse())
+            {
+                *shown = *reason;
             }
         }
         reasons
@@ -130,6 +155,9 @@ impl Leaves {
         account: &mut Account<'_, '_>,
     ) -> Result<(), Interrupted> {
         let shader = account.frame.shader();
+        for traced in &mut self.traced {
+            traced.take_if(|t| t.1 == Reason::Nearby);
+        }
         let found = account.overhead(&self.leaves, |leaf, _| {
             look_up(shader, leaf, view, direct, indirect, caustic)
         })?;
@@ -160,6 +188,7 @@ impl Leaves {
                 &known,
                 indirect.floor(),
                 tolerance,
+                &self.source,
                 account,
             )?;
             for (at, &leaf) in image.leaf_at.iter().enumerate().filter(|(_, leaf)| **leaf != NONE) {
@@ -170,12 +199,18 @@ impl Leaves {
                 }
             }
         }
-        let leaves = &self.leaves;
-        let values = account
-            .items(Component::Specular, &few, |&i, work| leaves[i].irradiance(shader, work))?;
-        few.iter()
-            .zip(values)
-            .for_each(|(&i, value)| self.traced[i] = Some((value, Reason::NoNeighbours)));
+        let (leaves, source) = (&self.leaves, &self.source);
+        let take = |&i: &usize| {
+            // Too few for neighbors to be compared: only what is certain counts.
+            let (value, _, reason) = source.take(&place(leaves, i), 0, |_| false)?;
+            Some((value, reason))
+        };
+        let values = source.fill(account, &few, take, |account, few| {
+            account.items(Component::Specular, few, |&i, work| {
+                (leaves[i].irradiance(shader, work), Reason::NoNeighbours)
+            })
+        })?;
+        few.iter().zip(values).for_each(|(&i, value)| self.traced[i] = Some(value));
 
         self.radiance = self.emitted.clone();
         for (i, leaf) in self.leaves.iter().enumerate() {
@@ -184,6 +219,15 @@ impl Leaves {
         }
         Ok(())
     }
+}
+
+/// The place of a leaf. What a pixel spans there is the distance to its neighbor in the row; 0 if it has none.
+fn place(leaves: &[Leaf], index: usize) -> Place {
+    let leaf = &leaves[index];
+    let others = [index.wrapping_sub(1), index + 1].into_iter().filter_map(|i| leaves.get(i));
+    let beside = others.filter(|o| o.path == leaf.path && o.pixel.abs_diff(leaf.pixel) == 1);
+    let distances = beside.map(|o| o.surface.position.distance(leaf.surface.position));
+    Place { surface: leaf.site(), pixel: distances.reduce(f32::min).unwrap_or(0.0) }
 }
 
 /// Irradiance at a leaf from the four pixels around its place in the primary view, if all show its surface.
@@ -265,6 +309,7 @@ impl Image {
         known: &[f32],
         floor: f32,
         tolerance: Tolerance,
+        source: &Source<Rgb>,
         account: &mut Account<'_, '_>,
     ) -> Result<Layer<Rgb>, Interrupted> {
         let sites =
@@ -281,11 +326,20 @@ impl Image {
         }
         let rule = LeafRule { image: self, leaves, known, floor };
         let shader = account.frame.shader();
-        refine(&lattice, &mut layer, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
-            account.items(Component::Specular, pixels, |&pixel, work| {
-                leaves[self.leaf_at[self.size.index(pixel)] as usize].irradiance(shader, work)
-            })
-        })?;
+        source.refine(
+            &lattice,
+            &mut layer,
+            COARSEST,
+            &rule,
+            tolerance,
+            |at| Some(place(leaves, self.leaf_at[at] as usize)),
+            account,
+            |account, pixels: &[Pixel]| {
+                account.items(Component::Specular, pixels, |&pixel, work| {
+                    leaves[self.leaf_at[self.size.index(pixel)] as usize].irradiance(shader, work)
+                })
+            },
+        )?;
         Ok(layer)
     }
 }

@@ -10,10 +10,11 @@ mod direct;
 mod holdout;
 mod indirect;
 mod leaves;
+mod records;
 mod view;
 
-use base::{Component, Components, Grid, Rgb, math::FRAC_1_PI};
-use cache_map::Tolerance;
+use base::{Component, Components, Grid, Inventory, Rgb, math::FRAC_1_PI};
+use cache_map::{Reason, RecordSet, Tolerance};
 use cli::Clock;
 
 use crate::Args;
@@ -39,15 +40,17 @@ const MAX_ROUNDS: usize = 4;
 pub(crate) fn render(
     args: &Args,
     frame: &Frame<'_>,
+    inputs: &Inventory,
     clock: &mut Clock,
     progress: &Progress<'_>,
 ) -> anyhow::Result<Rendered> {
+    let saved = records::Saved::open(args, frame, inputs)?;
     let mut account = Account::new(frame, clock, progress);
     let view = View::new(frame);
-    let mut indirect = indirect::Indirect::start(&view, &mut account)?;
-    let mut direct = direct::Direct::start(&view, &mut account)?;
-    let mut caustic = caustic::Caustic::start(&view, &account);
-    let mut specular = leaves::Leaves::start(frame, &mut account)?;
+    let mut indirect = indirect::Indirect::start(&view, &saved, args.error, &mut account)?;
+    let mut direct = direct::Direct::start(&view, &saved, &mut account)?;
+    let mut caustic = caustic::Caustic::start(&view, &saved, &account);
+    let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
 
     // Tolerances of the embedded pair and of edges, as multiples of the error aimed at. Found on the scenes of this
     // project; the pixels held out correct them where they don't fit.
@@ -112,6 +115,18 @@ pub(crate) fn render(
         values.indirect.values_mut()[i] = albedo * indirect.irradiance(i);
         values.caustic.values_mut()[i] = albedo * caustic.irradiance(i);
         values.specular.values_mut()[i] = specular.radiance(i);
+    }
+    if let Some(path) = &args.paper.save_cache {
+        let views = saved.set.views;
+        let mut set = RecordSet { views, ..RecordSet::default() };
+        direct.record(&view, &mut set);
+        set.indirect = indirect.records(&view);
+        set.caustic = caustic.records(&view, frame.shader().settings.caustic.max_radius);
+        set.leaves = specular.records();
+        let is_nearby = |reasons: &[Reason]| reasons.contains(&Reason::Nearby);
+        let is_complete =
+            !(direct.uses_nearby() || is_nearby(&indirect.layer.reasons) || specular.uses_nearby());
+        records::save(path, args, frame, inputs, &mut set, is_complete)?;
     }
     let reasons = Components {
         direct: direct.reasons(),

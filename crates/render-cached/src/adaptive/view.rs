@@ -5,6 +5,7 @@ use cache_map::{Lattice, SurfacePoint};
 use rayon::prelude::*;
 
 use super::COARSEST;
+use super::records::Place;
 use crate::frame::Frame;
 
 /// The diffuse surfaces in view.
@@ -67,6 +68,12 @@ impl View {
 
     pub(crate) fn pixels_per_unit(&self, index: usize) -> f32 {
         self.pixels_per_unit[index]
+    }
+
+    /// The surface that a pixel shows, as records know it.
+    pub(crate) fn place(&self, index: usize) -> Option<Place> {
+        let surface = self.sites.values()[index]?;
+        Some(Place { surface, pixel: 1.0 / self.pixels_per_unit[index] })
     }
 
     /// The pixels of the coarsest lattice that show a diffuse surface.

@@ -12,4 +12,5 @@ mod endings;
 mod maps;
 mod outputs;
 mod pictures;
+mod records;
 mod usage;

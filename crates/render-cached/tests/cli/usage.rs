@@ -76,11 +76,11 @@ fn combinations_without_sense_are_told() {
     let refuses = |args: &str, message: &str| {
         bench.refuses(&format!("scene.toml --photons a.photons {args}"), 2, message);
     };
-    for mode in ["original", "adaptive"] {
+    for mode in ["original", "adaptive --error 0"] {
         for option in ["--save-cache", "--from-cache"] {
             refuses(
                 &format!("-o a.exr --mode {mode} {option} a.cache"),
-                "--save-cache and --from-cache need --mode paper",
+                "--save-cache and --from-cache need --mode paper, or --mode adaptive with an --error above 0",
             );
         }
     }
