@@ -85,7 +85,8 @@ fn rendering(case: &Case, scene: &Scene, seed: u64) -> Rendering {
     // with all their photons.
     let gather =
         Gather { k: usize::MAX / 8, max_radius: case.radius, kernel: Kernel::Epanechnikov };
-    let settings = Settings { shadow_rays: 16, indirect: gather, caustic: gather, seed };
+    let settings =
+        Settings { shadow_rays: 16, glossy_rays: 4, indirect: gather, caustic: gather, seed };
     renderer::original(&Shader::new(scene, &maps, settings), SIZE)
 }
 

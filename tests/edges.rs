@@ -34,7 +34,8 @@ fn photons(normal: Vec3A, covered: impl Fn(Vec3A) -> bool) -> PhotonMaps {
 /// Irradiance at a point of the plane, seen along the negative normal.
 fn irradiance(scene: &Scene, photons: &PhotonMaps, kernel: Kernel, normal: Vec3A, p: Vec3A) -> f32 {
     let gather = Gather { k: 2000, max_radius: 0.5, kernel };
-    let settings = Settings { shadow_rays: 1, indirect: gather, caustic: gather, seed: 0 };
+    let settings =
+        Settings { shadow_rays: 1, glossy_rays: 4, indirect: gather, caustic: gather, seed: 0 };
     let shader = Shader::new(scene, photons, settings);
     let ray = Ray::unbounded(p + normal * 0.01, -normal);
     let point = shader.eye_point(&ray, &mut Work::default()).expect("the plane is there");

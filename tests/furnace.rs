@@ -29,7 +29,7 @@ fn rendering(parts: Parts, shadow_rays: u32, seed: u64) -> Rendering {
         kernel: Kernel::Epanechnikov,
     };
     let (indirect, caustic) = (gather(500, 0.05), gather(100, 0.01));
-    let settings = Settings { shadow_rays, indirect, caustic, seed };
+    let settings = Settings { shadow_rays, glossy_rays: 4, indirect, caustic, seed };
     renderer::original(&Shader::new(&scene, &photons, settings), SIZE)
 }
 

@@ -29,8 +29,13 @@ fn photons(scene: &Scene) -> PhotonMaps {
 /// Every component of every pixel, row by row.
 fn pixels(scene: &Scene, photons: &PhotonMaps) -> Vec<Components<Rgb>> {
     let gather = |k, max_radius| Gather { k, max_radius, kernel: Kernel::Cone };
-    let settings =
-        Settings { shadow_rays: 4, indirect: gather(60, 0.6), caustic: gather(30, 0.25), seed: 7 };
+    let settings = Settings {
+        shadow_rays: 4,
+        glossy_rays: 4,
+        indirect: gather(60, 0.6),
+        caustic: gather(30, 0.25),
+        seed: 7,
+    };
     let shader = Shader::new(scene, photons, settings);
     let mut work = Work::default();
     let mut pixel = |i: usize| {

@@ -2,16 +2,17 @@
 //!
 //! It shares with them the description of the scene and the nearest hit of a ray, and nothing else: random numbers,
 //! Fresnel's formulas, sampling of lights and directions, and the bookkeeping of components are its own, in double
-//! precision. At a diffuse surface it samples both the lights and the directions, weighted by the balance heuristic
+//! precision. At a diffuse or rough surface it samples both the lights and the directions, weighted by the balance heuristic
 //! (Veach 1997, section 9.2), so that no emitter is too near; what specular surfaces show is found by following them.
 //!
-//! Point, spot and directional lights can't be hit, so light of theirs that comes through mirrors or glass (caustics,
+//! Point, spot and directional lights can't be hit, so light of theirs that comes through sharp mirrors or glass (caustics,
 //! and indirect light behind them) is missing here: compare such scenes without it, or by flux.
 
 mod checks;
 mod lights;
 mod optics;
 mod random;
+mod rough;
 
 use std::f64::consts::{FRAC_1_PI, PI};
 
@@ -171,8 +172,8 @@ impl<'a> Tracer<'a> {
         let (mut beta, mut squeeze) = (DVec3::ONE, 1.0);
         // To which component emitted light would belong, if the path ended at the next surface.
         let mut component = None;
-        // The density per steradian at which a diffuse surface chose the ray.
-        let mut diffuse_pdf = None;
+        // The density per steradian at which a surface that isn't sharp chose the ray.
+        let mut followed_pdf = None;
         // The glass that the path has entered.
         let mut medium = None;
         for length in 1.. {
@@ -186,7 +187,7 @@ impl<'a> Tracer<'a> {
 
             let emitted = if vertex.front { color(vertex.material.emission) } else { DVec3::ZERO };
             if emitted != DVec3::ZERO {
-                let weight = diffuse_pdf.map_or(1.0, |pdf| {
+                let weight = followed_pdf.map_or(1.0, |pdf| {
                     let cos = vertex.w_o.dot(vertex.geometric_normal);
                     pdf / (pdf + self.lights.emitter_pdf(emitted, cos, distance))
                 });
@@ -208,30 +209,50 @@ impl<'a> Tracer<'a> {
                     Some(Component::Specular) => Component::Specular,
                     Some(_) => Component::Indirect,
                 });
-                found.add(
-                    component,
-                    beta * squeeze * FRAC_1_PI * self.lights.irradiance(&vertex, medium, random),
-                );
+                let scatter = |dir: DVec3| {
+                    let above = dir.dot(vertex.geometric_normal) > 0.0;
+                    let cos = dir.dot(vertex.shading_normal) * FRAC_1_PI;
+                    (above && cos > 0.0).then_some((DVec3::splat(cos), cos))
+                };
+                let lit = self.lights.scattered(&vertex, medium, random, scatter);
+                found.add(component, beta * squeeze * lit);
                 let dir = cosine_direction(vertex.shading_normal, random);
                 if dir.dot(vertex.geometric_normal) <= 0.0 {
                     break;
                 }
-                diffuse_pdf = Some(dir.dot(vertex.shading_normal) * FRAC_1_PI);
+                followed_pdf = Some(dir.dot(vertex.shading_normal) * FRAC_1_PI);
                 dir
             } else {
-                beta *= reflectance / (1.0 - p_diffuse);
                 component = Some(match component {
                     None | Some(Component::Specular) => Component::Specular,
                     Some(Component::Direct | Component::Caustic) => Component::Caustic,
                     Some(Component::Indirect) => Component::Indirect,
                 });
-                diffuse_pdf = None;
-                let bounce = optics::specular_bounce(&vertex, random);
-                if bounce.transmitted {
-                    medium = vertex.front.then_some(vertex.material);
+                if vertex.material.is_rough() {
+                    beta /= 1.0 - p_diffuse;
+                    let scatter = |dir: DVec3| {
+                        rough::value(&vertex, dir).map(|(value, pdf, s)| (value * s, pdf))
+                    };
+                    let lit = self.lights.scattered(&vertex, medium, random, scatter);
+                    found.add(component, beta * squeeze * lit);
+                    let Some(bounce) = rough::bounce(&vertex, random) else { break };
+                    if bounce.dir.dot(vertex.geometric_normal) < 0.0 {
+                        medium = vertex.front.then_some(vertex.material);
+                    }
+                    beta *= bounce.weight;
+                    squeeze *= bounce.squeeze;
+                    followed_pdf = Some(bounce.pdf);
+                    bounce.dir
+                } else {
+                    beta *= reflectance / (1.0 - p_diffuse);
+                    followed_pdf = None;
+                    let bounce = optics::specular_bounce(&vertex, random);
+                    if bounce.transmitted {
+                        medium = vertex.front.then_some(vertex.material);
+                    }
+                    squeeze *= bounce.squeeze;
+                    bounce.dir
                 }
-                squeeze *= bounce.squeeze;
-                bounce.dir
             };
 
             if length > 4 {

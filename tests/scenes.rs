@@ -25,6 +25,7 @@ pub(crate) fn black() -> Material {
         albedo: Rgb::BLACK,
         albedo_texture: None,
         specular: Specular::None,
+        roughness: 0.0,
         emission: Rgb::BLACK,
     }
 }

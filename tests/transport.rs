@@ -156,6 +156,18 @@ fn spot_and_mirrors() {
     });
 }
 
+/// Rough metal, glass and a brushed plate, under a lamp and a point.
+#[test]
+fn rough_surfaces() {
+    assert_agreement(&Case {
+        name: "rough",
+        parts: from_file("tests/rough"),
+        samples_per_pixel: 512,
+        photons: 3_000_000,
+        radius: 0.03,
+    });
+}
+
 /// Triangles with normals that lie far from those of the surface: balls of few triangles, and a floor whose normals all
 /// lean by 35 degrees.
 #[test]

@@ -218,6 +218,24 @@ fn glass_slab() {
     }
 }
 
+/// A mirror of roughness 1 seen head on. Of light from everywhere its microfacets send on the share 1 - ln 2; light from
+/// where the eye is scatters by the distribution of normals alone, `D / 4 = 1 / (4 pi)`.
+#[test]
+fn rough_mirror() {
+    let size = ImageSize { width: 1, height: 1 };
+    let mut parts = empty(Vec3::Z * 4.0, Vec3::ZERO, 0.01);
+    let plate = quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0);
+    add_mesh(&mut parts, plate, Material { roughness: 1.0, ..mirror(0.8) });
+    let mut sky = parts.clone();
+    add_light(&mut sky, LightKind::Environment { radiance: Rgb::splat(3.0) });
+    let shown = 3.0 * f64::from(0.8_f32) * (1.0 - 2.0_f64.ln());
+    assert_component(&reference(&sky, size, 200_000), Component::Specular, shown, 4e-3);
+    let intensity = Rgb::splat(5.0);
+    add_light(&mut parts, LightKind::Point { position: Vec3A::Z * 2.0, intensity });
+    let shown = 5.0 / 4.0 * f64::from(0.8_f32) / (4.0 * PI);
+    assert_component(&reference(&parts, size, 100), Component::Specular, shown, 1e-6);
+}
+
 /// Radiance 1 from everywhere beyond the scene; nothing in it loses any. Then it can't be seen.
 #[test]
 fn open_furnace() {

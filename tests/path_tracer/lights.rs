@@ -1,7 +1,5 @@
 //! Light straight from where it is emitted.
 
-use std::f64::consts::FRAC_1_PI;
-
 use base::Ray;
 use glam::DVec3;
 use scene::{LightKind, Material, Parts, Scene};
@@ -48,12 +46,14 @@ impl<'a> Lights<'a> {
         radiance.max_element() / sum * distance * distance / cos
     }
 
-    /// Irradiance, one estimate. Of emitters it is the share that following directions leaves over.
-    pub(super) fn irradiance(
+    /// Radiance that a surface scatters, one estimate. Of emitters it is the share that following directions leaves over.
+    /// `scatter` gives scattering times cosine for a direction, and the density at which it is followed.
+    pub(super) fn scattered(
         &self,
         at: &Vertex<'_>,
         medium: Option<&Material>,
         random: &mut Random,
+        scatter: impl Fn(DVec3) -> Option<(DVec3, f64)>,
     ) -> DVec3 {
         let mut sum = DVec3::ZERO;
         if let Some(total) = self.cumulative.last() {
@@ -65,11 +65,13 @@ impl<'a> Lights<'a> {
             let target = a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v);
             let to_light = target - at.position;
             let (distance, dir) = (to_light.length(), to_light.normalize());
-            let (cos, cos_light) = (dir.dot(at.shading_normal), -dir.dot(emitter.normal));
-            if cos > 0.0 && cos_light > 0.0 {
+            let cos_light = -dir.dot(emitter.normal);
+            if cos_light > 0.0
+                && let Some((value, followed)) = scatter(dir)
+            {
                 let pdf = self.emitter_pdf(emitter.radiance, cos_light, distance);
-                sum += emitter.radiance * self.visibility(at, dir, distance, medium) * cos
-                    / (pdf + cos * FRAC_1_PI);
+                let visibility = self.visibility(at, dir, distance, medium);
+                sum += emitter.radiance * visibility * value / (pdf + followed);
             }
         }
         for light in &self.parts.lights {
@@ -97,9 +99,10 @@ impl<'a> Lights<'a> {
                     (-direction.as_dvec3(), f64::INFINITY, color(*irradiance))
                 }
             };
-            let cos = dir.dot(at.shading_normal);
-            if cos > 0.0 && received != DVec3::ZERO {
-                sum += received * cos * self.visibility(at, dir, distance, medium);
+            if received != DVec3::ZERO
+                && let Some((value, _)) = scatter(dir)
+            {
+                sum += received * value * self.visibility(at, dir, distance, medium);
             }
         }
         sum
@@ -113,9 +116,8 @@ impl<'a> Lights<'a> {
         distance: f64,
         medium: Option<&Material>,
     ) -> DVec3 {
-        if dir.dot(at.geometric_normal) <= 0.0 {
-            return DVec3::ZERO;
-        }
+        let passes = dir.dot(at.geometric_normal) < 0.0;
+        let medium = if passes { at.front.then_some(at.material) } else { medium };
         let dir = dir.as_vec3a().normalize();
         // Ends before the light's own surface.
         let end = (distance * (1.0 - 1e-5)) as f32;

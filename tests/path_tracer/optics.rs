@@ -42,7 +42,12 @@ fn specular_frame(at: &Vertex<'_>) -> (DVec3, DVec3) {
 
 /// What the specular part scatters in all, reflected and transmitted.
 pub(super) fn specular_reflectance(at: &Vertex<'_>) -> DVec3 {
-    if at.material.is_glass() { DVec3::ONE } else { specular_frame(at).1 }
+    match at.material.specular {
+        Specular::Glass { .. } => DVec3::ONE,
+        // Rough ones weigh what they choose themselves.
+        Specular::Metal { .. } if at.material.is_rough() => DVec3::ONE,
+        _ => specular_frame(at).1,
+    }
 }
 
 pub(super) fn specular_bounce(at: &Vertex<'_>, random: &mut Random) -> Bounce {
@@ -59,7 +64,7 @@ pub(super) fn specular_bounce(at: &Vertex<'_>, random: &mut Random) -> Bounce {
 }
 
 /// The index of refraction of the other side relative to this one's.
-fn relative_index(at: &Vertex<'_>, ior: f32) -> f64 {
+pub(super) fn relative_index(at: &Vertex<'_>, ior: f32) -> f64 {
     if at.front { f64::from(ior) } else { 1.0 / f64::from(ior) }
 }
 
@@ -68,7 +73,7 @@ fn mirrored(w_o: DVec3, n: DVec3) -> DVec3 {
 }
 
 /// Snell's law: the tangential part is divided by the relative index, and the rest follows from the length of 1.
-fn refracted(w_o: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
+pub(super) fn refracted(w_o: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     let tangential = (n * n.dot(w_o) - w_o) / eta;
     let cos2 = 1.0 - tangential.length_squared();
     (cos2 > 0.0).then(|| tangential - n * cos2.sqrt())

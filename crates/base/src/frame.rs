@@ -32,6 +32,12 @@ impl Frame {
     pub fn to_world(&self, v: Vec3A) -> Vec3A {
         self.s * v.x + self.t * v.y + self.n * v.z
     }
+
+    /// From world coordinates to coordinates in this frame.
+    #[inline]
+    pub fn to_local(&self, v: Vec3A) -> Vec3A {
+        Vec3A::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
+    }
 }
 
 #[cfg(test)]
@@ -47,6 +53,8 @@ mod tests {
                 "{f:?}"
             );
             assert!((f.s.cross(f.t) - n).length() < 1e-6, "{f:?}");
+            let v = Vec3A::new(0.3, -0.5, 0.7);
+            assert!((f.to_world(f.to_local(v)) - v).length() < 1e-6, "{f:?}");
         }
     }
 }

@@ -20,7 +20,7 @@ pub struct Photon {
 pub enum PhotonClass {
     /// Nothing: it came straight from the light.
     Direct,
-    /// One or more specular bounces, nothing else (L S+ D).
+    /// One or more specular bounces, sharp or rough, nothing else (L S+ D).
     Caustic,
     /// At least one diffuse bounce, whatever else.
     Indirect,

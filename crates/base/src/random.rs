@@ -32,6 +32,8 @@ pub enum Stream {
     HoldOut = 9,
     /// Rays that verify interpolated visibility.
     Probe = 10,
+    /// Directions in which rough surfaces are followed, and points on emitters that they show.
+    Lobe = 11,
 }
 
 /// Mixes two 64-bit values into one, by two rounds of the finalizer of `SplitMix64` (Steele et al. 2014).

@@ -1,8 +1,8 @@
 //! Pass 1: follow photons from the lights, say where they land.
 //!
 //! A photon is stored at every diffuse surface it meets, with its class: *direct* if nothing happened to it before,
-//! *caustic* if it came through specular bounces only, *indirect* if it was scattered diffusely before. The three sets
-//! are disjoint; their union is Jensen's global map.
+//! *caustic* if it came through specular bounces only, *indirect* if it was scattered diffusely before. A specular bounce
+//! is one by a mirror, metal or glass, however rough: there is no threshold. The three sets are disjoint; their union is Jensen's global map.
 //!
 //! Russian roulette decides at every surface, with the flux rescaled, so no length of path is favored. Photon `i` of a
 //! light owns its random streams: neither threads nor the order of work can change the result.

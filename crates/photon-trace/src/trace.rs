@@ -180,7 +180,11 @@ impl Emitter<'_> {
 
             // Let one number choose between the diffuse part, the specular directions, and the end. Shading normals may
             // gain more than is lost; then there is no end, and the flux grows.
-            let bounces = material.specular_bounces(&surface, w_o, Transport::Flux);
+            let mut bounces = material.specular_bounces(&surface, w_o, Transport::Flux);
+            if let Some(lobe) = material.lobe(&surface, w_o, Transport::Flux) {
+                let u = scatter.next_2d();
+                bounces[0] = lobe.sample(u, scatter.next_f32()).map(SpecularBounce::from);
+            }
             let weight_of =
                 |bounce: &Option<SpecularBounce>| bounce.map_or(Rgb::BLACK, |b| b.weight);
             let diffuse = self.scene.albedo(&surface) * gain;

@@ -72,6 +72,9 @@ pub struct Shading {
     /// Shadow rays for each pixel and light with an extent
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub shadow_rays: u32,
+    /// Directions in which a rough surface is followed, at the first that an eye ray meets
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub glossy_rays: u32,
     /// Photons in an estimate of indirect light
     #[arg(long, value_name = "K", default_value = "500", value_parser = parse_k)]
     pub gather: u64,

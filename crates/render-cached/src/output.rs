@@ -44,6 +44,7 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     option("--resolution", format!("{}x{}", args.resolution.width, args.resolution.height));
     option("--seed", args.seed.to_string());
     option("--shadow-rays", shading.shadow_rays.to_string());
+    option("--glossy-rays", shading.glossy_rays.to_string());
     option("--gather", shading.gather.to_string());
     option("--caustic-gather", shading.caustic_gather.to_string());
     option("--kernel", shading.kernel.name().into());

@@ -196,6 +196,7 @@ fn settings(args: &Args, diagonal: f32) -> Settings {
     };
     Settings {
         shadow_rays: shading.shadow_rays,
+        glossy_rays: shading.glossy_rays,
         indirect: gather(shading.gather, shading.gather_radius, 0.05),
         caustic: gather(shading.caustic_gather, shading.caustic_radius, 0.01),
         seed: args.seed,
@@ -220,6 +221,7 @@ fn inputs_of_surfaces(scene: &Scene, photons: &PhotonMaps, settings: &Settings) 
     };
     inputs.add("the photon map", photons.fingerprint());
     inputs.add("the number of shadow rays", digest(&settings.shadow_rays.to_le_bytes()));
+    inputs.add("the number of glossy rays", digest(&settings.glossy_rays.to_le_bytes()));
     inputs.add("the estimate of indirect light", gather(&settings.indirect));
     inputs.add("the estimate of caustics", gather(&settings.caustic));
     inputs.add("the seed", digest(&settings.seed.to_le_bytes()));

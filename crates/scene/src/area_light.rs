@@ -3,7 +3,7 @@
 use base::{Frame, Rgb, math::PI, warp};
 use glam::{Vec2, Vec3, Vec3A};
 
-use crate::light::{Emission, LightSample, Toward};
+use crate::light::{Beam, Emission, LightSample, Toward};
 use crate::polygon_irradiance;
 
 /// How many pieces a light may have for its unshadowed irradiance to be summed in closed form.
@@ -137,6 +137,29 @@ impl AreaLight {
             sum += polygon_irradiance(point, normal, &corners[..n]);
         }
         Some(self.radiance * sum)
+    }
+
+    /// One point, uniform by area, for surfaces that scatter by direction.
+    pub(crate) fn beam(&self, point: Vec3A, u: Vec2) -> Option<Beam> {
+        let (piece, x) = self.pick(u.x);
+        if !piece.faces(point) {
+            return None;
+        }
+        let target = piece.point(Vec2::new(x, u.y));
+        let distance = (target - point).length();
+        let dir = (target - point).try_normalize()?;
+        let cos_light = -dir.dot(piece.normal);
+        if cos_light <= 0.0 {
+            return None;
+        }
+        let pdf = self.beam_pdf(cos_light, distance);
+        let toward = Toward::Point(target + piece.normal * piece.error);
+        Some(Beam { dir, toward, distance, irradiance: self.radiance / pdf, pdf })
+    }
+
+    /// Density of [`AreaLight::beam`] per steradian.
+    pub(crate) fn beam_pdf(&self, cos_light: f32, distance: f32) -> f32 {
+        distance * distance / (cos_light * self.area)
     }
 
     /// One point, uniform by area.

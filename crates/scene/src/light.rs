@@ -121,6 +121,21 @@ pub struct LightSample {
     pub irradiance: Rgb,
 }
 
+/// One direction towards a light, as seen from a point in space.
+#[derive(Clone, Copy, Debug)]
+pub struct Beam {
+    /// Unit direction towards the light.
+    pub dir: Vec3A,
+    /// Where the shadow ray goes.
+    pub toward: Toward,
+    /// How far it is; infinite if the light is beyond the scene.
+    pub distance: f32,
+    /// Estimate of the unshadowed irradiance, from this one sample, on a surface that faces the direction.
+    pub irradiance: Rgb,
+    /// Density of the direction per steradian; infinite if there is no other.
+    pub pdf: f32,
+}
+
 impl Light {
     /// Emitted flux in watts; for lights beyond the scene, what passes the sphere around it.
     pub fn flux(&self, bounds: &Bounds) -> Rgb {
@@ -221,6 +236,34 @@ impl Light {
             }
         };
         sample.filter(|s| !s.irradiance.is_black())
+    }
+
+    /// One direction towards the light, for surfaces that scatter by direction; `None` if the light sends nothing that
+    /// way. What comes from beyond the scene from everywhere is better found by following directions: always `None`.
+    pub fn beam(&self, point: Vec3A, u: Vec2) -> Option<Beam> {
+        let dir = match &self.kind {
+            LightKind::Area(light) => return light.beam(point, u),
+            LightKind::Environment { .. } => return None,
+            LightKind::Point { position, .. } => *position - point,
+            LightKind::Spot(spot) => spot.position - point,
+            LightKind::Directional { direction, .. } => -*direction,
+        };
+        let facing = dir.try_normalize()?;
+        let LightSample { toward, irradiance } = self.sample(point, facing, u)?;
+        let distance = match toward {
+            Toward::Point(_) => dir.length(),
+            Toward::Direction(_) => f32::INFINITY,
+        };
+        Some(Beam { dir: facing, toward, distance, irradiance, pdf: f32::INFINITY })
+    }
+
+    /// Density per steradian at which [`Light::beam`] chooses a place of an emitter, given the cosine there and the
+    /// distance; 0 for lights that no ray meets.
+    pub fn beam_pdf(&self, cos: f32, distance: f32) -> f32 {
+        match &self.kind {
+            LightKind::Area(light) => light.beam_pdf(cos, distance),
+            _ => 0.0,
+        }
     }
 
     /// Radiance of what lies beyond the scene.

@@ -68,6 +68,7 @@ pub struct Loaded {
 /// type = "mirror"
 /// reflectance = 0.9        # at most 1, the same at every angle
 /// albedo = 0.1             # optional; the sum of both is at most 1
+/// roughness = 0.3          # optional, of mirrors, metals and glass: 0 to 1; below 0.02 they are perfectly sharp
 ///
 /// type = "metal"
 /// preset = "gold"          # or aluminium, chromium, copper, iron, platinum, silver
@@ -138,7 +139,7 @@ pub struct Loaded {
 /// OBJ: polygons of any shape, normals if all corners of an object have them. Of MTL, `illum` 0, 1 and 2 are diffuse
 /// (`Kd`), 3, 5 and 8 mirrors (`Ks`) with a diffuse part (`Kd`), 4, 6, 7 and 9 glass (`Ni`); `Ke` is emission. Ambient
 /// light (`Ka`) means nothing to a renderer of global illumination; textures, highlights, and transparency by `d` bring
-/// warnings. Such materials are named `MESH/NAME`.
+/// warnings. `Pr` is the roughness of mirrors and glass. Such materials are named `MESH/NAME`.
 ///
 /// PLY: ASCII and binary; vertices with `x y z`, `nx ny nz`; faces with `vertex_indices`.
 ///

@@ -18,12 +18,16 @@ pub struct Material {
     pub albedo_texture: Option<TextureId>,
     /// The specular part.
     pub specular: Specular,
+    /// How rough the specular part is, from 0 to 1; the width `alpha` of its microfacets' distribution is the square
+    /// (Burley 2012). Below [`crate::LEAST_ROUGHNESS`] it is perfectly sharp.
+    pub roughness: f32,
     /// Radiance emitted by the front side, `L_e` of Eq. (4).
     pub emission: Rgb,
 }
 
-/// Perfectly sharp scattering, `f_s` of Eq. (6). A new kind needs its arm in [`Material::specular_bounces`], its digest in
-/// `world.rs`, its keys in the scene file, and its row in the tests of `material.rs`.
+/// Scattering by interfaces, `f_s` of Eq. (6), perfectly sharp unless the material is rough. A new kind needs its arm in
+/// [`Material::specular_bounces`] and in `lobe.rs`, its digest in `world.rs`, its keys in the scene file, and its row in
+/// the tests of `material.rs`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Specular {
     /// No specular part.
@@ -33,14 +37,14 @@ pub enum Specular {
         /// In [0, 1].
         reflectance: Rgb,
     },
-    /// A smooth conductor.
+    /// A conductor.
     Metal {
         /// Real part of the index of refraction.
         eta: Rgb,
         /// Imaginary part.
         k: Rgb,
     },
-    /// A smooth dielectric, of which the front side is the outside.
+    /// A dielectric, of which the front side is the outside.
     Glass {
         /// Index of refraction of the inside relative to the outside.
         ior: f32,
@@ -94,8 +98,9 @@ impl Material {
         !self.albedo.is_black()
     }
 
-    /// The directions into which light that arrives along `-w_o` goes, or from which light towards `w_o` comes:
-    /// reflection, then transmission. `w_o` points away from the surface.
+    /// The directions into which a sharp specular part sends light that arrives along `-w_o`, or from which light towards
+    /// `w_o` comes: reflection, then transmission. None if it is rough: see [`Material::lobe`]. `w_o` points away from the
+    /// surface.
     ///
     /// Sides are told by the geometric normal, angles by the shading normal, unless that would send the reflection
     /// through the surface or keep the transmission in front of it: then the geometric normal serves for both.
@@ -126,6 +131,7 @@ impl Material {
             SpecularBounce { dir, weight: weight * gain(n, dir), transmitted: false }
         };
         match self.specular {
+            _ if self.is_rough() => [None, None],
             Specular::None => [None, None],
             Specular::Mirror { reflectance } => [Some(reflection(n, reflectance)), None],
             Specular::Metal { eta, k } => {
@@ -166,7 +172,7 @@ impl Material {
 }
 
 /// Snell's law: the direction on the other side, if there is one. `eta` is that side's index relative to this one's.
-fn refract(w_o: Vec3A, n: Vec3A, eta: f32) -> Option<Vec3A> {
+pub(crate) fn refract(w_o: Vec3A, n: Vec3A, eta: f32) -> Option<Vec3A> {
     let cos_i = n.dot(w_o);
     let sin2_t = (1.0 - cos_i * cos_i) / (eta * eta);
     (sin2_t < 1.0).then(|| (n * (cos_i / eta - (1.0 - sin2_t).sqrt()) - w_o / eta).normalize())
@@ -196,6 +202,7 @@ mod tests {
             albedo: Rgb::BLACK,
             albedo_texture: None,
             specular,
+            roughness: 0.0,
             emission: Rgb::BLACK,
         }
     }

@@ -1,7 +1,7 @@
 //! A scene put together.
 
 use base::{Fingerprint, FingerprintBuilder, Inventory, Rgb};
-use geometry::{Accel, Bounds, Creases, Mesh, Sphere, Surface};
+use geometry::{Accel, Bounds, Creases, MaterialId, Mesh, Sphere, Surface};
 use glam::Quat;
 
 use crate::{AreaLight, Camera, Light, LightKind, Material, Specular, Texture};
@@ -37,6 +37,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// The view.
     pub camera: Camera,
+    /// For each area light the object and the material that it is.
+    emitters: Vec<(u32, MaterialId)>,
     inventory: Inventory,
 }
 
@@ -45,7 +47,8 @@ impl Scene {
     pub fn assemble(parts: Parts) -> Self {
         let inventory = inventory(&parts);
         let Parts { camera, materials, textures, meshes, spheres, lights } = parts;
-        let mut all_lights = area_lights(&meshes, &materials);
+        let (emitters, mut all_lights): (Vec<_>, Vec<_>) =
+            area_lights(&meshes, &materials).into_iter().unzip();
         all_lights.extend(lights);
         let meshes: Vec<Mesh> = meshes.into_iter().map(|(_, mesh)| mesh).collect();
         let spheres: Vec<Sphere> = spheres.into_iter().map(|(_, sphere)| sphere).collect();
@@ -56,6 +59,7 @@ impl Scene {
             textures: textures.into_iter().map(|(_, texture)| texture).collect(),
             lights: all_lights,
             camera,
+            emitters,
             inventory,
         }
     }
@@ -79,6 +83,11 @@ impl Scene {
         }
     }
 
+    /// The number of the area light that a surface is.
+    pub fn light_of(&self, surface: &Surface) -> Option<usize> {
+        self.emitters.binary_search(&(surface.object, surface.material)).ok()
+    }
+
     /// The box around all surfaces.
     pub fn bounds(&self) -> Bounds {
         self.accel.bounds()
@@ -100,9 +109,13 @@ impl Scene {
     }
 }
 
-fn area_lights(meshes: &[(String, Mesh)], materials: &[Material]) -> Vec<Light> {
+/// One light for each mesh and each of its materials that emit, in this order.
+fn area_lights(
+    meshes: &[(String, Mesh)],
+    materials: &[Material],
+) -> Vec<((u32, MaterialId), Light)> {
     let mut lights = Vec::new();
-    for (name, mesh) in meshes {
+    for (object, (name, mesh)) in (0..).zip(meshes) {
         let mut ids = mesh.materials.clone();
         ids.sort_unstable();
         ids.dedup();
@@ -111,7 +124,8 @@ fn area_lights(meshes: &[(String, Mesh)], materials: &[Material]) -> Vec<Light> 
                 (0..mesh.triangles.len()).filter(|&t| mesh.materials[t] == id).collect();
             let triangles: Vec<_> = triangles.into_iter().map(|t| mesh.corners(t)).collect();
             let light = AreaLight::new(&triangles, materials[id.0 as usize].emission);
-            lights.push(Light { name: name.clone(), kind: LightKind::Area(light) });
+            let light = Light { name: name.clone(), kind: LightKind::Area(light) };
+            lights.push(((object, id), light));
         }
     }
     lights
@@ -163,6 +177,9 @@ fn material_digest(material: &Material) -> Fingerprint {
             digest.bytes(b"glass").pod(&[ior]).pod(&[absorption])
         }
     };
+    if material.is_rough() {
+        digest.bytes(b"rough").pod(&[material.roughness]);
+    }
     digest.finish()
 }
 

@@ -2,7 +2,7 @@
 
 use base::{Rgb, Rng, Stream, warp};
 use glam::{DVec3, Vec2, Vec3, Vec3A};
-use scene::{AreaLight, Light, LightKind, Spot, polygon_irradiance};
+use scene::{AreaLight, Light, LightKind, Spot, Toward, polygon_irradiance};
 use std::f64::consts::PI;
 
 fn rng(index: u64) -> Rng {
@@ -298,4 +298,55 @@ fn meshes_are_sampled_by_area() {
     let mean = sum / f64::from(n);
     let sigma = ((sum2 / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
     assert!((mean - expected).abs() < 4.0 * sigma, "{mean} +- {sigma}, not {expected}");
+}
+
+/// Directions towards a light give the irradiance that points on it give, and their density that of the emitter.
+#[test]
+fn beams_agree_with_samples() {
+    let point = Vec3A::new(0.2, -0.1, 0.3);
+    let corner = Vec3::new(-0.5, -0.4, 1.5);
+    let triangles = [
+        quad(corner, Vec3::Y * 0.7, Vec3::X * 1.2),
+        quad(Vec3::new(2.0, 0.0, 1.0), Vec3::Y, Vec3::new(0.1, 0.0, 0.8)),
+    ];
+    let area = area_light(triangles.as_flattened(), Rgb::new(3.0, 2.0, 1.0));
+    let (position, intensity) = (Vec3A::new(1.0, 1.0, 2.0), Rgb::new(2.0, 1.0, 0.5));
+    let direction = Vec3A::new(0.0, -0.6, -0.8);
+    let spot = Spot { position, direction, intensity, cos_outer: 0.5, cos_inner: 0.9 };
+    let kinds = [
+        LightKind::Point { position, intensity },
+        LightKind::Spot(spot),
+        LightKind::Directional { direction, irradiance: intensity },
+    ];
+    let mut lights = vec![area];
+    lights.extend(kinds.map(|kind| Light { name: "l".into(), kind }));
+    let mut rng = rng(11);
+    for light in &lights {
+        let mut n = 0;
+        for _ in 0..1000 {
+            let u = rng.next_2d();
+            let beam = light.beam(point, u);
+            let sample = light.sample(point, Vec3A::Z, u);
+            assert_eq!(beam.is_some(), sample.is_some(), "{light:?}");
+            let (Some(beam), Some(sample)) = (beam, sample) else { continue };
+            let irradiance = beam.irradiance.g * beam.dir.z;
+            assert!((irradiance / sample.irradiance.g - 1.0).abs() < 1e-5, "{light:?}");
+            if let LightKind::Area(area) = &light.kind {
+                let Toward::Point(target) = beam.toward else { panic!("{beam:?}") };
+                let normal = Vec3A::from(if target.x > 1.5 {
+                    Vec3::Y.cross(Vec3::new(0.1, 0.0, 0.8)).normalize()
+                } else {
+                    -Vec3::Z
+                });
+                let pdf = light.beam_pdf(-beam.dir.dot(normal), (target - point).length());
+                assert!((pdf / beam.pdf - 1.0).abs() < 1e-4, "{pdf}, {beam:?}");
+                let radiance = beam.irradiance.g * pdf;
+                assert!((radiance / area.radiance().g - 1.0).abs() < 1e-4, "{radiance}");
+            }
+            n += 1;
+        }
+        assert!(n > 500, "{n} of {light:?}");
+    }
+    let sky = LightKind::Environment { radiance: Rgb::ONE };
+    assert!(Light { name: "l".into(), kind: sky }.beam(point, Vec2::ZERO).is_none());
 }

@@ -2,8 +2,9 @@
 
 use base::{Ray, Rgb, Rng, Stream, hash_u64};
 use geometry::Surface;
-use scene::{Material, Transport};
+use scene::{Material, SpecularBounce, Transport};
 
+use crate::glossy::Chosen;
 use crate::{PixelStream, Shader, ShadingPoint, Work};
 
 /// Branches that carry less than this are followed by chance, with their weight raised in return. A ray costs little, and
@@ -17,76 +18,154 @@ const SHADE_ALWAYS: f32 = 0.02;
 /// The longest chain. Only surfaces that lose nothing make such; they are counted.
 const MAX_LENGTH: u32 = 128;
 
-/// A place where a chain arrives.
+/// A diffuse surface where a chain arrives, mirrors included: they may be diffuse as well.
 #[derive(Clone, Copy, Debug)]
 pub struct ChainLeaf<'a> {
-    /// The surface, or nothing where the chain left the scene.
-    pub point: Option<ShadingPoint<'a>>,
-    /// What is left on the way to the eye of radiance that is emitted here, or comes from beyond the scene.
+    /// The surface.
+    pub point: ShadingPoint<'a>,
+    /// What is left of its diffusely scattered radiance on the way to the eye.
     pub weight: Rgb,
-    /// The same for diffusely scattered radiance, if it is to be computed: this isn't always so where little is left.
-    pub diffuse_weight: Option<Rgb>,
     /// The stream for shading it.
     pub stream: PixelStream,
-    /// A digest of the reflections and transmissions on the way. Of the leaves of a pixel no two share it.
+    /// A digest of the reflections and transmissions on the way. Of the leaves of a pixel that aren't glossy no two share
+    /// it.
     pub path: u64,
+    /// Whether a rough surface lies on the way: then it is one of many, each by chance.
+    pub is_glossy: bool,
 }
 
 /// A ray yet to be followed.
 struct Branch<'a> {
     ray: Ray,
-    weight: Rgb,
-    medium: Option<&'a Material>,
-    length: u32,
-    path: u64,
+    from: Origin<'a>,
+    /// How a rough surface has chosen it, if it comes straight from one.
+    chosen: Option<Chosen>,
+}
+
+/// What a surface passes on to the branches that leave it.
+#[derive(Clone, Copy)]
+pub(crate) struct Origin<'a> {
+    pub(crate) weight: Rgb,
+    pub(crate) medium: Option<&'a Material>,
+    pub(crate) stream: PixelStream,
+    pub(crate) is_glossy: bool,
+    pub(crate) length: u32,
+    pub(crate) path: u64,
+}
+
+/// The chains of a pixel that are being followed.
+pub(crate) struct Chains<'a> {
+    pub(crate) rng: Rng,
+    branches: Vec<Branch<'a>>,
+}
+
+impl<'a> Chains<'a> {
+    /// Adds a branch, unless it carries so little that chance ends it.
+    pub(crate) fn push(
+        &mut self,
+        at: &ShadingPoint<'a>,
+        from: &Origin<'a>,
+        bounce: SpecularBounce,
+        chosen: Option<Chosen>,
+    ) {
+        let weight = from.weight * bounce.weight;
+        let Some(weight) = keep(weight, weight.max_channel(), FOLLOW_ALWAYS, &mut self.rng) else {
+            return;
+        };
+        let from = Origin {
+            weight,
+            medium: at.medium_beyond(bounce.transmitted, from.medium),
+            length: from.length + 1,
+            path: hash_u64(from.path, u64::from(bounce.transmitted)),
+            ..*from
+        };
+        let ray = Ray::unbounded(at.surface.leave(bounce.dir), bounce.dir);
+        self.branches.push(Branch { ray, from, chosen });
+    }
 }
 
 impl<'a> Shader<'a> {
-    /// Follows everything that the specular part of a surface shows, and calls `arrive` for each place, mirrors
-    /// included: they may emit or be diffuse as well.
+    /// Follows everything that the specular part of a surface shows, and calls `arrive` for each diffuse surface. Returns
+    /// the radiance towards the eye that surfaces on the way emit or that comes from beyond the scene.
     pub fn chain(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
-    ) {
-        let mut rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
-        let mut branches = Vec::new();
+    ) -> Rgb {
+        let rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
+        let mut chains = Chains { rng, branches: Vec::new() };
         let mut n_leaves = 0;
-        let eye = Origin { weight: Rgb::ONE, medium: None, length: 0, path: 0 };
-        scatter(at, eye, &mut rng, &mut branches);
-        while let Some(branch) = branches.pop() {
+        let (weight, medium, is_glossy) = (Rgb::ONE, None, false);
+        let eye = Origin { weight, medium, stream, is_glossy, length: 0, path: 0 };
+        let mut emitted = self.scatter(at, eye, &mut chains, work);
+        while let Some(Branch { ray, mut from, chosen }) = chains.branches.pop() {
             work.counts.specular_rays += 1;
             n_leaves += 1;
-            let stream = stream.part(n_leaves);
-            let Some((point, distance)) = self.arrive(&branch.ray) else {
-                let Branch { weight, path, .. } = branch;
-                let leaf = ChainLeaf { point: None, weight, diffuse_weight: None, stream, path };
-                arrive(leaf, work);
+            from.stream = stream.part(n_leaves);
+            let Some((point, distance)) = self.arrive(&ray) else {
+                emitted += self.background() * from.weight;
                 continue;
             };
             let inside = is_inside(&point.surface, &point);
             let through = if inside && point.material.is_glass() {
                 Some(point.material)
             } else {
-                branch.medium
+                from.medium
             };
-            let weight =
-                branch.weight * through.map_or(Rgb::ONE, |glass| glass.transmittance(distance));
-            let diffuse_weight = if point.material.is_diffuse() {
-                keep(weight, (weight * point.albedo).max_channel(), SHADE_ALWAYS, &mut rng)
-            } else {
-                None
-            };
-            let path = branch.path;
-            arrive(ChainLeaf { point: Some(point), weight, diffuse_weight, stream, path }, work);
-            if branch.length < MAX_LENGTH {
-                let Branch { medium, length, path, .. } = branch;
-                scatter(&point, Origin { weight, medium, length, path }, &mut rng, &mut branches);
+            if let Some(glass) = through {
+                from.weight *= glass.transmittance(distance);
+            }
+            let radiance = point.emitted();
+            if !radiance.is_black() {
+                let share = chosen.map_or(1.0, |c| self.share_of_lobe(&c, &point, distance));
+                emitted += radiance * from.weight * share;
+            }
+            if point.material.is_diffuse() {
+                let size = (from.weight * point.albedo).max_channel();
+                if let Some(weight) = keep(from.weight, size, SHADE_ALWAYS, &mut chains.rng) {
+                    let Origin { stream, path, is_glossy, .. } = from;
+                    arrive(ChainLeaf { point, weight, stream, path, is_glossy }, work);
+                }
+            }
+            if from.length < MAX_LENGTH {
+                emitted += self.scatter(&point, from, &mut chains, work);
             } else if point.material.is_specular() {
                 work.counts.chains_cut += 1;
             }
+        }
+        emitted
+    }
+
+    /// Adds the branches that leave a surface; the radiance towards the eye of lights that a rough one shows.
+    fn scatter(
+        &self,
+        at: &ShadingPoint<'a>,
+        from: Origin<'a>,
+        chains: &mut Chains<'a>,
+        work: &mut Work,
+    ) -> Rgb {
+        if let Some(lobe) = at.material.lobe(&at.surface, at.w_o, Transport::Radiance) {
+            return self.scatter_by_lobe(&lobe, at, from, chains, work);
+        }
+        let bounces = at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance);
+        bounces.into_iter().flatten().for_each(|bounce| chains.push(at, &from, bounce, None));
+        Rgb::BLACK
+    }
+}
+
+impl<'a> ShadingPoint<'a> {
+    /// What fills the space where light goes on, given what fills that where it comes from.
+    pub(crate) fn medium_beyond(
+        &self,
+        transmitted: bool,
+        medium: Option<&'a Material>,
+    ) -> Option<&'a Material> {
+        match transmitted {
+            true if is_inside(&self.surface, self) => None,
+            true => Some(self.material),
+            false => medium,
         }
     }
 }
@@ -102,39 +181,4 @@ fn keep(weight: Rgb, size: f32, large_enough: f32, rng: &mut Rng) -> Option<Rgb>
     }
     let p = size / large_enough;
     (rng.next_f32() < p).then(|| weight / p)
-}
-
-/// What a surface passes on to the branches that leave it.
-struct Origin<'a> {
-    weight: Rgb,
-    medium: Option<&'a Material>,
-    length: u32,
-    path: u64,
-}
-
-/// Adds the branches that leave a surface.
-fn scatter<'a>(
-    at: &ShadingPoint<'a>,
-    from: Origin<'a>,
-    rng: &mut Rng,
-    branches: &mut Vec<Branch<'a>>,
-) {
-    for bounce in
-        at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance).into_iter().flatten()
-    {
-        let weight = from.weight * bounce.weight;
-        let Some(weight) = keep(weight, weight.max_channel(), FOLLOW_ALWAYS, rng) else { continue };
-        let medium = match bounce.transmitted {
-            true if is_inside(&at.surface, at) => None,
-            true => Some(at.material),
-            false => from.medium,
-        };
-        branches.push(Branch {
-            ray: Ray::unbounded(at.surface.leave(bounce.dir), bounce.dir),
-            weight,
-            medium,
-            length: from.length + 1,
-            path: hash_u64(from.path, u64::from(bounce.transmitted)),
-        });
-    }
 }

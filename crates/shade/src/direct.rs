@@ -79,9 +79,53 @@ impl Shader<'_> {
         sums
     }
 
+    /// What [`Shader::irradiance_from`] gives in the mean, from fewer shadow rays: they go to points chosen among all
+    /// that it would ask for, in proportion to the irradiance from there.
+    pub(crate) fn irradiance_by_few(
+        &self,
+        light: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        rays: u32,
+        work: &mut Work,
+    ) -> Rgb {
+        let (position, normal) = (surface.position, surface.shading_normal);
+        let of_light = &self.scene.lights[light];
+        if of_light.is_delta() || rays as usize >= self.shadow_points.len() {
+            return self.irradiance_from(light, surface, stream, work);
+        }
+        let unshadowed = of_light.unshadowed_irradiance(position, normal);
+        if unshadowed.is_some_and(Rgb::is_black) {
+            return Rgb::BLACK;
+        }
+        let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
+        let mut samples = std::mem::take(&mut work.light_samples);
+        samples.clear();
+        let points = self.shadow_points.iter().map(|&point| scramble(point, bits));
+        samples.extend(points.filter_map(|u| of_light.sample(position, normal, u)));
+        let sent: Rgb = samples.iter().map(|s| s.irradiance).sum();
+        // Every so much of what is sent, from a random start, a ray goes to the point that sends it.
+        let step = sent.mean() / rays as f32;
+        let mut next = step * (hash_u64(bits, 0) >> 40) as f32 * (1.0 / 16_777_216.0);
+        let (mut before, mut arrived) = (0.0, 0.0);
+        for sample in &samples {
+            before += sample.irradiance.mean();
+            if next < before {
+                let chosen = ((before - next) / step).ceil();
+                next += chosen * step;
+                if self.unoccluded(surface, sample.toward, work) {
+                    arrived += chosen;
+                }
+            }
+        }
+        work.light_samples = samples;
+        unshadowed.unwrap_or(sent / self.shadow_points.len() as f32)
+            * (arrived / rays as f32).min(1.0)
+    }
+
     /// Whether nothing lies between a surface and a place on a light.
     #[inline]
-    fn unoccluded(&self, surface: &Surface, toward: Toward, work: &mut Work) -> bool {
+    pub(crate) fn unoccluded(&self, surface: &Surface, toward: Toward, work: &mut Work) -> bool {
         let ray = match toward {
             Toward::Direction(dir) => Ray::unbounded(surface.leave(dir), dir),
             Toward::Point(target) => {

@@ -7,6 +7,7 @@ mod caustic;
 mod chain;
 mod coverage;
 mod direct;
+mod glossy;
 mod indirect;
 mod point;
 mod shader;

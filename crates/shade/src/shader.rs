@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3A};
 use photon_map::{Gather, PhotonMaps};
 use scene::Scene;
 
+use crate::glossy::LightShares;
 use crate::{ShadingPoint, Work};
 
 /// How components are computed. All that changes a picture is here, the scene and the photons aside.
@@ -13,6 +14,8 @@ use crate::{ShadingPoint, Work};
 pub struct Settings {
     /// Shadow rays for each light that isn't a point or a direction.
     pub shadow_rays: u32,
+    /// Directions in which the first rough surface of a chain is followed; at least 1.
+    pub glossy_rays: u32,
     /// Estimate of indirect light.
     pub indirect: Gather,
     /// Estimate of caustics.
@@ -32,6 +35,7 @@ pub struct Shader<'a> {
     pub settings: Settings,
     /// The points on the unit square that shadow rays use, before each pixel scrambles them.
     pub(crate) shadow_points: Vec<[u32; 2]>,
+    pub(crate) light_shares: LightShares,
 }
 
 impl<'a> Shader<'a> {
@@ -41,7 +45,8 @@ impl<'a> Shader<'a> {
         let bits = |x: f32| ((x * 16_777_216.0) as u32) << 8;
         let shadow_points =
             (0..u64::from(settings.shadow_rays)).map(|i| sobol.point::<2>(i).map(bits)).collect();
-        Self { scene, photons, settings, shadow_points }
+        let light_shares = LightShares::new(scene);
+        Self { scene, photons, settings, shadow_points, light_shares }
     }
 
     /// Where a ray from the eye arrives.

@@ -1,8 +1,9 @@
-//! Specular light: what mirrors, metals and glass show.
+//! Specular light: what mirrors, metals and glass show, sharp or rough.
 
-use base::Rgb;
+use base::{Rgb, math::FRAC_1_PI};
+use geometry::Surface;
 
-use crate::{PixelStream, Shader, ShadingPoint, Work};
+use crate::{PixelStream, Settings, Shader, ShadingPoint, Work};
 
 impl Shader<'_> {
     /// Radiance of the second term of Eq. (8): any light, scattered specularly. At the ends of the chains the other three
@@ -12,17 +13,32 @@ impl Shader<'_> {
             return Rgb::BLACK;
         }
         let mut sum = Rgb::BLACK;
-        self.chain(at, stream, work, |leaf, work| {
-            let Some(point) = &leaf.point else {
-                sum += self.background() * leaf.weight;
-                return;
-            };
-            sum += point.emitted() * leaf.weight;
-            if let Some(weight) = leaf.diffuse_weight {
-                let direct = self.direct(point, leaf.stream, work);
-                sum += (direct + self.indirect(point, work) + self.caustic(point, work)) * weight;
-            }
+        let emitted = self.chain(at, stream, work, |leaf, work| {
+            sum += leaf.weight
+                * leaf.point.albedo
+                * FRAC_1_PI
+                * self.irradiance(&leaf.point.facing, leaf.stream, leaf.is_glossy, work);
         });
-        sum
+        emitted + sum
+    }
+
+    /// Irradiance of all light at the end of a chain, on the side of the surface's normals.
+    ///
+    /// Glossy ends share the shadow rays of one that is seen sharply.
+    pub fn irradiance(
+        &self,
+        surface: &Surface,
+        stream: PixelStream,
+        is_glossy: bool,
+        work: &mut Work,
+    ) -> Rgb {
+        let Settings { shadow_rays, glossy_rays, .. } = self.settings;
+        let rays = if is_glossy { (shadow_rays / glossy_rays).max(1) } else { shadow_rays };
+        let direct: Rgb = (0..self.scene.lights.len())
+            .map(|light| self.irradiance_by_few(light, surface, stream, rays, work))
+            .sum();
+        direct
+            + self.indirect_estimate(surface, work).irradiance
+            + self.caustic_estimate(surface, work).irradiance
     }
 }

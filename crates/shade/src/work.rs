@@ -4,6 +4,7 @@ use std::ops::AddAssign;
 
 use glam::Vec3A;
 use photon_map::{Estimate, Scratch};
+use scene::LightSample;
 
 /// Work done, in numbers that don't depend on the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,6 +37,7 @@ pub struct Work {
     /// Work done so far.
     pub counts: Counts,
     pub(crate) scratch: Scratch,
+    pub(crate) light_samples: Vec<LightSample>,
     pub(crate) last_indirect: LastEstimate,
     pub(crate) last_caustic: LastEstimate,
 }

@@ -19,7 +19,12 @@ fn still_life() -> Scene {
     let metal = Specular::Metal { eta: Rgb::new(0.2, 0.9, 1.1), k: Rgb::new(3.9, 2.4, 2.2) };
     let metal = world.shiny(Rgb::BLACK, metal);
     let glass = world.glass(1.5, Rgb::new(0.1, 0.2, 0.4));
+    let brushed = world.rough(Specular::Mirror { reflectance: Rgb::new(0.9, 0.6, 0.3) }, 0.4);
+    let frosted = Specular::Glass { ior: 1.5, absorption: Rgb::new(0.4, 0.2, 0.1) };
+    let frosted = world.rough(frosted, 0.5);
     world
+        .sphere(Vec3::new(1.0, 3.2, 0.5), 0.4, brushed)
+        .sphere(Vec3::new(3.2, 3.2, 0.6), 0.5, frosted)
         .quad(Vec3::ZERO, Vec3::X * 4.0, Vec3::Y * 4.0, gray)
         .quad(Vec3::ZERO, Vec3::Y * 4.0, Vec3::Z * 4.0, mirror)
         .quad(Vec3::new(1.0, 1.0, 3.5), Vec3::Y, Vec3::X, lamp)

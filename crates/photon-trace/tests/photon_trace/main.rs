@@ -4,4 +4,5 @@ mod account;
 mod caustics;
 mod classes;
 mod glass;
+mod rough;
 mod world;

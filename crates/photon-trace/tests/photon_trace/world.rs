@@ -1,10 +1,10 @@
 //! Scenes made in code.
 
-use base::{Photon, Rgb};
+use base::{Photon, Rgb, math};
 use geometry::{MaterialId, Mesh, Sphere};
 use glam::{Quat, Vec3, Vec3A};
 use photon_trace::{Budget, Config, Traced};
-use scene::{Camera, FovAxis, Light, LightKind, Material, Parts, Scene, Specular};
+use scene::{Camera, FovAxis, Light, LightKind, Material, Parts, Scene, Specular, Spot};
 
 /// A scene that is being put together.
 #[derive(Default)]
@@ -21,9 +21,23 @@ impl World {
     }
 
     fn material(&mut self, albedo: Rgb, specular: Specular, emission: Rgb) -> MaterialId {
-        let name = format!("material {}", self.materials.len());
-        self.materials.push(Material { name, albedo, albedo_texture: None, specular, emission });
+        let (name, roughness) = (format!("material {}", self.materials.len()), 0.0);
+        let albedo_texture = None;
+        self.materials.push(Material {
+            name,
+            albedo,
+            albedo_texture,
+            specular,
+            roughness,
+            emission,
+        });
         MaterialId(self.materials.len() as u16 - 1)
+    }
+
+    pub(crate) fn rough(&mut self, specular: Specular, roughness: f32) -> MaterialId {
+        let id = self.material(Rgb::BLACK, specular, Rgb::BLACK);
+        self.materials[usize::from(id.0)].roughness = roughness;
+        id
     }
 
     pub(crate) fn diffuse(&mut self, albedo: Rgb) -> MaterialId {
@@ -89,6 +103,18 @@ impl World {
     /// Parallel light downwards, of irradiance 1.
     pub(crate) fn beam(self) -> Self {
         self.light(LightKind::Directional { direction: -Vec3A::Z, irradiance: Rgb::ONE })
+    }
+
+    /// A spot straight down, into a cone of so many degrees around its axis.
+    pub(crate) fn beam_from(self, position: Vec3, degrees: f32) -> Self {
+        let cos = math::sin_cos(degrees.to_radians()).1;
+        self.light(LightKind::Spot(Spot {
+            position: position.into(),
+            direction: -Vec3A::Z,
+            intensity: Rgb::ONE,
+            cos_outer: cos,
+            cos_inner: cos,
+        }))
     }
 
     pub(crate) fn assemble(self) -> Scene {

@@ -25,6 +25,9 @@ const COARSEST: u32 = 8;
 /// Paths seen in fewer pixels are traced.
 const FEWEST: usize = 64;
 
+/// The path of all glossy leaves.
+const GLOSSY: u64 = u64::MAX;
+
 /// A diffuse surface at the end of a chain.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
@@ -34,6 +37,7 @@ struct Leaf {
     weight: Rgb,
     surface: Surface,
     stream: PixelStream,
+    is_glossy: bool,
 }
 
 impl Leaf {
@@ -43,12 +47,7 @@ impl Leaf {
     }
 
     fn irradiance(&self, shader: &Shader<'_>, work: &mut Work) -> Rgb {
-        let lights = 0..shader.scene.lights.len();
-        let direct: Rgb =
-            lights.map(|l| shader.irradiance_from(l, &self.surface, self.stream, work)).sum();
-        direct
-            + shader.indirect_estimate(&self.surface, work).irradiance
-            + shader.caustic_estimate(&self.surface, work).irradiance
+        shader.irradiance(&self.surface, self.stream, self.is_glossy, work)
     }
 }
 
@@ -82,18 +81,13 @@ impl Leaves {
                 .is_some_and(|s| materials[s.material.0 as usize].is_specular())
         });
         let chains = account.pixels(Component::Specular, &pixels, |point, stream, work| {
-            let mut emitted = Rgb::BLACK;
             let mut leaves = Vec::new();
-            shader.chain(point, stream, work, |leaf, _| match leaf.point {
-                None => emitted += leaf.weight * shader.background(),
-                Some(end) => {
-                    emitted += leaf.weight * end.emitted();
-                    if let Some(weight) = leaf.diffuse_weight {
-                        let weight = weight * end.albedo * FRAC_1_PI;
-                        let (path, stream) = (leaf.path, leaf.stream);
-                        leaves.push(Leaf { pixel: 0, path, weight, surface: end.facing, stream });
-                    }
-                }
+            let emitted = shader.chain(point, stream, work, |leaf, _| {
+                let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
+                let (surface, stream, is_glossy) = (leaf.point.facing, leaf.stream, leaf.is_glossy);
+                // A glossy end is one of many of its pixel: they make no picture.
+                let path = if is_glossy { GLOSSY } else { leaf.path };
+                leaves.push(Leaf { pixel: 0, path, weight, surface, stream, is_glossy });
             });
             (emitted, leaves)
         })?;
@@ -176,7 +170,7 @@ impl Leaves {
             first = range.end;
             let missing: Vec<usize> =
                 range.clone().filter(|&i| found[i].is_none() && self.traced[i].is_none()).collect();
-            if missing.len() < FEWEST {
+            if missing.len() < FEWEST || self.leaves[range.start].is_glossy {
                 few.extend(missing);
                 continue;
             }

@@ -120,6 +120,7 @@ fn a_cache_of_something_else_is_refused_by_name() {
         std::fs::remove_file(bench.path("a.exr")).unwrap();
     };
     changed("--seed 1", "the seed changed");
+    changed("--glossy-rays 8", "the number of glossy rays changed");
     changed("--gather-radius 0.2", "the estimate of indirect light changed");
     changed("--caustic-radius 0.2", "the estimate of caustics changed");
     changed(
@@ -146,7 +147,7 @@ fn a_cache_of_something_else_is_refused_by_name() {
         let command = format!(
             "render-cached scene.toml --photons a.photons --resolution 48x32 --seed 0 {} --kernel epanechnikov --mode paper \
              --tau-direct 0.2 --tau-indirect 0.2 --tau-specular 0.2 --region 8 --save-cache a.cache --force",
-            "--shadow-rays 4 --gather 20 --caustic-gather 10".replace(old, new)
+            "--shadow-rays 4 --glossy-rays 16 --gather 20 --caustic-gather 10".replace(old, new)
         );
         bench.refuses(
             &small(old, new),

@@ -19,8 +19,8 @@ fn inputs_that_are_not_there_are_told() {
         "scene.toml is not a map: its first line is not `#?tetralux-map`; check the name",
     );
     bench.run(&format!("{SMALL} --mode paper --save-cache a.cache"));
-    let command = "render-cached scene.toml --photons a.photons --resolution 48x32 --seed 0 --shadow-rays 4 --gather 20 \
-        --caustic-gather 10 --kernel epanechnikov --mode paper --tau-direct 0.05 --tau-indirect 0.05 --tau-specular 0.02 \
+    let command = "render-cached scene.toml --photons a.photons --resolution 48x32 --seed 0 --shadow-rays 4 \
+        --glossy-rays 16 --gather 20 --caustic-gather 10 --kernel epanechnikov --mode paper --tau-direct 0.05 --tau-indirect 0.05 --tau-specular 0.02 \
         --region 8 --save-cache 'a.cache' --force";
     refuses(
         "scene.toml --photons a.cache",

@@ -7,7 +7,7 @@ use super::assembly::Assembly;
 use super::keys::{Typed, list, span};
 use super::source::Source;
 use super::tables::MaterialTable;
-use crate::{Error, Material, Specular, TextureId};
+use crate::{Error, LEAST_ROUGHNESS, Material, Specular, TextureId};
 
 /// Indices of refraction beyond these limits are typing errors.
 pub(super) const IOR_RANGE: std::ops::RangeInclusive<f32> = 0.1..=10.0;
@@ -44,6 +44,7 @@ pub(super) fn material(
         ("preset", span(&table.preset)),
         ("ior", span(&table.ior)),
         ("absorption", span(&table.absorption)),
+        ("roughness", span(&table.roughness)),
     ];
     let (mut albedo, mut albedo_texture) = (Rgb::BLACK, None);
     let specular = match table.kind.get_ref().as_str() {
@@ -56,14 +57,15 @@ pub(super) fn material(
             Specular::None
         }
         "mirror" => {
-            typed.take_only(&given, &["reflectance", "albedo", "albedo_texture", "emission"])?;
+            let keys = ["reflectance", "albedo", "albedo_texture", "roughness", "emission"];
+            typed.take_only(&given, &keys)?;
             let written = typed.need(&table.reflectance, "reflectance")?;
             let reflectance = source.share(written, &of("reflectance"))?;
             (albedo, albedo_texture) = diffuse(assembly, &object, table, reflectance)?;
             Specular::Mirror { reflectance }
         }
         "metal" => {
-            typed.take_only(&given, &["eta", "k", "preset", "emission"])?;
+            typed.take_only(&given, &["eta", "k", "preset", "roughness", "emission"])?;
             metal(source, &typed, table)?
         }
         "glass" => {
@@ -73,7 +75,7 @@ pub(super) fn material(
                 );
                 return Err(source.fault(emission.span(), fault));
             }
-            typed.take_only(&given, &["ior", "absorption"])?;
+            typed.take_only(&given, &["ior", "absorption", "roughness"])?;
             let written = typed.need(&table.ior, "ior")?;
             let ior = source.number(written, &of("ior"))?;
             if !IOR_RANGE.contains(&ior) {
@@ -101,7 +103,32 @@ pub(super) fn material(
         Some(emission) => source.amount(emission, &of("emission"))?,
         None => Rgb::BLACK,
     };
-    Ok(Material { name: name.into(), albedo, albedo_texture, specular, emission })
+    let roughness = match &table.roughness {
+        Some(written) => {
+            let roughness = source.number(written, &of("roughness"))?;
+            if !(0.0..=1.0).contains(&roughness) {
+                let fault = format!("{} is {roughness}; use 0 to 1", of("roughness"));
+                return Err(source.fault(written.span(), fault));
+            }
+            roughness
+        }
+        None => 0.0,
+    };
+    let material =
+        Material { name: name.into(), albedo, albedo_texture, specular, roughness, emission };
+    if let Some(written) = &table.roughness
+        && roughness > 0.0
+        && !material.is_rough()
+    {
+        let why = if roughness < LEAST_ROUGHNESS {
+            format!("it is below {LEAST_ROUGHNESS}")
+        } else {
+            "glass of this ior doesn't bend light".into()
+        };
+        let warning = format!("{} is rendered as 0, since {why}", of("roughness"));
+        assembly.warnings.push(source.warning(written.span(), warning));
+    }
+    Ok(material)
 }
 
 /// The albedo of a table and what it is multiplied with, beside a specular part of the given reflectance.

@@ -26,6 +26,8 @@ pub(super) struct Library {
 struct Entry {
     line: usize,
     material: tobj::Material,
+    /// `Pr` of the PBR extension.
+    roughness: Option<f32>,
     /// What is ignored, told only if the material is used.
     warnings: Vec<String>,
 }
@@ -34,7 +36,7 @@ impl Library {
     /// Reads a library.
     pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Self, Error> {
         let file = TextFile::new(path);
-        let (mut clean, mut heads) = (String::new(), Vec::<(usize, String, Vec<String>)>::new());
+        let (mut clean, mut heads) = (String::new(), Vec::<Head>::new());
         let mut by_name = BTreeMap::new();
         for statement in statements(&decode(bytes)) {
             let line = statement.line;
@@ -46,24 +48,26 @@ impl Library {
                         return Err(file.fault(line, "`newmtl` needs a name"));
                     }
                     if let Some(first) = by_name.insert(name.to_string(), heads.len()) {
-                        let first = heads[first].0;
+                        let first = heads[first].line;
                         let fault = format!(
                             "material `{name}` is defined again, after line {first}; rename one"
                         );
                         return Err(file.fault(line, fault));
                     }
-                    heads.push((line, name.to_string(), Vec::new()));
+                    let name = name.to_string();
+                    heads.push(Head { line, name, roughness: None, warnings: Vec::new() });
                     // tobj tells materials apart by their order.
                     let _ = writeln!(clean, "newmtl {}", heads.len());
                 }
                 keyword => {
-                    let Some((_, name, warnings)) = heads.last_mut() else {
+                    let Some(head) = heads.last_mut() else {
                         let fault = format!("`{keyword}` stands before any `newmtl`");
                         return Err(file.fault(line, fault));
                     };
-                    match rewrite(&file, &statement, name)? {
+                    match rewrite(&file, &statement, &head.name)? {
                         Rewritten::Clean(line) => clean += &line,
-                        Rewritten::Ignored(why) => warnings.push(file.warning(line, why)),
+                        Rewritten::Roughness(roughness) => head.roughness = Some(roughness),
+                        Rewritten::Ignored(why) => head.warnings.push(file.warning(line, why)),
                         Rewritten::Nothing => {}
                     }
                 }
@@ -74,10 +78,11 @@ impl Library {
         let entries = heads
             .into_iter()
             .zip(materials)
-            .map(|((line, name, warnings), material)| Entry {
-                line,
-                material: tobj::Material { name, ..material },
-                warnings,
+            .map(|(head, material)| Entry {
+                line: head.line,
+                material: tobj::Material { name: head.name, ..material },
+                roughness: head.roughness,
+                warnings: head.warnings,
             })
             .collect();
         Ok(Self { file, entries, by_name })
@@ -95,7 +100,7 @@ impl Library {
 
     /// What we make of material number `index`, and what its author should know about it.
     pub(super) fn material(&self, index: usize) -> Result<(Material, Vec<String>), Error> {
-        let Entry { line, material, warnings } = &self.entries[index];
+        let Entry { line, material, roughness, warnings } = &self.entries[index];
         let name = &material.name;
         let fault = |text: String| self.file.fault(*line, text);
         let mut warnings = warnings.clone();
@@ -145,6 +150,12 @@ impl Library {
                 )));
             }
         };
+        if roughness.is_some() && specular == Specular::None {
+            let text = format!(
+                "the Pr of material `{name}` is ignored; roughness is that of mirrors (illum 3) and glass (illum 7)"
+            );
+            warnings.push(self.file.warning(*line, text));
+        }
         let is_glass = matches!(specular, Specular::Glass { .. });
         if material.dissolve.is_some_and(|d| d < 1.0) && !is_glass {
             let text = format!(
@@ -168,16 +179,27 @@ impl Library {
                 *reflectance = *reflectance / total;
             }
         }
-        Ok((
-            Material { name: name.clone(), albedo, albedo_texture: None, specular, emission: ke },
-            warnings,
-        ))
+        let roughness = roughness.filter(|_| specular != Specular::None).unwrap_or(0.0);
+        let (name, emission) = (name.clone(), ke);
+        let material =
+            Material { name, albedo, albedo_texture: None, specular, roughness, emission };
+        Ok((material, warnings))
     }
+}
+
+/// A material whose statements are being read.
+struct Head {
+    line: usize,
+    name: String,
+    roughness: Option<f32>,
+    warnings: Vec<String>,
 }
 
 enum Rewritten {
     /// A line for tobj.
     Clean(String),
+    /// Something that tobj doesn't know.
+    Roughness(f32),
     /// Something that isn't rendered.
     Ignored(String),
     Nothing,
@@ -217,6 +239,17 @@ fn rewrite(file: &TextFile, statement: &Statement<'_>, name: &str) -> Result<Rew
                 file.fault(line, fault)
             })?;
             clean(number.to_string())
+        }
+        "Pr" => {
+            let word = statement.words().next().ok_or_else(|| {
+                file.fault(line, format!("`Pr` of material `{name}` needs a number"))
+            })?;
+            let roughness = file.number(statement, word)?;
+            if !(0.0..=1.0).contains(&roughness) {
+                let fault = format!("the Pr of material `{name}` is {roughness}; use 0 to 1");
+                return Err(file.fault(line, fault));
+            }
+            Ok(Rewritten::Roughness(roughness as f32))
         }
         "sharpness" => Ok(Rewritten::Nothing),
         _ if is_map(keyword) => Ok(Rewritten::Ignored(format!(
@@ -327,6 +360,8 @@ mod tests {
             let glass = Specular::Glass { ior: 1.33, absorption: Rgb::BLACK };
             assert_eq!((m.albedo, m.specular), (Rgb::BLACK, glass));
         }
+        assert_eq!(clean("Ks 1\nPr 0.5\nillum 3").roughness, 0.5);
+        assert_eq!(clean("Ni 1.5\nPr 0.25\nillum 7").roughness, 0.25);
         let m = clean("Kd 0.5\nKe 3 2 1");
         assert_eq!(m.emission, Rgb::new(3.0, 2.0, 1.0));
         assert_eq!(m.name, "a");
@@ -380,6 +415,10 @@ mod tests {
             ),
             ("Kd 0.5\nPm 1", "l.mtl:3:1: `Pm` of material `a` is not supported and ignored"),
             (
+                "Kd 0.5\nPr 0.5",
+                "l.mtl:1:1: the Pr of material `a` is ignored; roughness is that of mirrors (illum 3) and glass (illum 7)",
+            ),
+            (
                 "illum 7\nNi 1.5\nTf 1 0 0",
                 "l.mtl:4:1: the Tf of material `a` is ignored; use a scene file's glass with absorption",
             ),
@@ -410,6 +449,8 @@ mod tests {
             ("Kd nan", "l.mtl:2:1: `Kd` holds NaN; give finite numbers"),
             ("Kd -1", "l.mtl:2:1: the Kd of material `a` is negative; use 0 or more"),
             ("Ke 1e20", "l.mtl:2:1: the Ke of material `a` is too large; use at most 1e15"),
+            ("Pr", "l.mtl:2:1: `Pr` of material `a` needs a number"),
+            ("Pr 1.5", "l.mtl:2:1: the Pr of material `a` is 1.5; use 0 to 1"),
             ("Ni", "l.mtl:2:1: `Ni` of material `a` needs a number"),
             ("illum x", "l.mtl:2:1: `illum` of material `a` needs a number from 0 to 9"),
             (

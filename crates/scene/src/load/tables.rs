@@ -68,6 +68,7 @@ pub(super) struct MaterialTable {
     pub(super) preset: Option<Spanned<String>>,
     pub(super) ior: Option<Spanned<f64>>,
     pub(super) absorption: Option<Spanned<Color>>,
+    pub(super) roughness: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Deserialize)]
