@@ -130,6 +130,16 @@ fn strong_normal_variation() {
     assert_fine("ruffled-floor", &bench, SQUARE);
 }
 
+/// Checkers from many pixels down to less than one, on the floor, around a ball, and in mirrors.
+#[test]
+fn strong_textures() {
+    let checkers = "[textures.checkers]\ntype = \"checkerboard\"\ncolors = [0.05, 1]\nscale = [24, 24]\n\
+                    [materials.checkered]\ntype = \"diffuse\"\nalbedo_texture = \"checkers\"\n";
+    let things =
+        [checkers, LAMP, &floor("checkered"), &ball(-0.8, "checkered"), &ball(0.8, "gold")];
+    assert_fine("textures", &scene(ABOVE, &things), SQUARE);
+}
+
 #[test]
 fn a_plane_up_to_the_horizon() {
     let camera = "camera = { origin = [0, 0.3, 4], target = [0, 0.25, 0], fov = 50 }\n";

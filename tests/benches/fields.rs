@@ -14,8 +14,10 @@ use crate::peer::Peer;
 /// Side of the picture whose pixels rays and gathers belong to.
 pub(crate) const SIDE: u32 = 128;
 pub(crate) const SIZE: ImageSize = ImageSize { width: SIDE, height: SIDE };
-/// Rays or gathers in an iteration.
-pub(crate) const N_QUERIES: usize = 16_384;
+/// Rays in an iteration: one for each pixel.
+pub(crate) const N_RAYS: usize = (SIDE * SIDE) as usize;
+/// Gathers in an iteration.
+pub(crate) const N_GATHERS: usize = 4096;
 
 /// Which rays or gathers follow one another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +45,8 @@ pub(crate) struct Point {
     pub(crate) position: Vec3A,
     /// On the side of the eye.
     pub(crate) normal: Vec3A,
+    /// Whether anybody gathers photons here.
+    pub(crate) is_diffuse: bool,
 }
 
 /// A scene of the paper.
@@ -59,7 +63,8 @@ pub(crate) fn primary(scene: &Scene) -> Vec<Option<Point>> {
         let ray = eye_ray(scene, i);
         let hit = scene.accel.closest_hit(&ray)?;
         let surface = scene.accel.surface(&ray, &hit).facing(-ray.dir());
-        Some(Point { position: surface.position, normal: surface.geometric_normal })
+        let (position, normal) = (surface.position, surface.geometric_normal);
+        Some(Point { position, normal, is_diffuse: scene.material(&surface).is_diffuse() })
     };
     (0..SIZE.n_pixels()).map(point).collect()
 }
@@ -69,10 +74,10 @@ fn eye_ray(scene: &Scene, i: usize) -> Ray {
     scene.camera.ray(SIZE, Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5))
 }
 
-/// [`N_QUERIES`] of the points that the eye sees: each of them about as often as any other.
-fn seen(scene: &Scene) -> Vec<Point> {
-    let points: Vec<Point> = primary(scene).into_iter().flatten().collect();
-    (0..N_QUERIES).map(|i| points[i * points.len() / N_QUERIES]).collect()
+/// So many of the points that the eye sees and that are wanted, in their order.
+fn seen(scene: &Scene, n: usize, is_wanted: impl Fn(&Point) -> bool) -> Vec<Point> {
+    let points: Vec<Point> = primary(scene).into_iter().flatten().filter(is_wanted).collect();
+    (0..n).map(|i| points[i * points.len() / n]).collect()
 }
 
 fn rng(index: u64) -> Rng {
@@ -90,9 +95,9 @@ fn shuffle<T>(values: &mut [T]) {
 /// Rays without an end: those of the eye, or from what it sees to anywhere above, shuffled.
 pub(crate) fn rays(scene: &Scene, order: Order) -> Vec<Ray> {
     if order == Order::Coherent {
-        return (0..N_QUERIES).map(|i| eye_ray(scene, i % SIZE.n_pixels())).collect();
+        return (0..N_RAYS).map(|i| eye_ray(scene, i)).collect();
     }
-    let mut points = seen(scene);
+    let mut points = seen(scene, N_RAYS, |_| true);
     shuffle(&mut points);
     let mut rng = rng(2);
     let bounce = |p: &Point| {
@@ -105,14 +110,14 @@ pub(crate) fn rays(scene: &Scene, order: Order) -> Vec<Ray> {
 
 /// Rays with an end: from what the eye sees to a lamp, or from anywhere that it sees to anywhere else.
 pub(crate) fn occlusion_rays(scene: &Scene, order: Order) -> Vec<Ray> {
-    let points = seen(scene);
+    let points = seen(scene, N_RAYS, |_| true);
     let center: Vec3A = scene.bounds().center().into();
     let lamp = center + Vec3A::Y * 0.49 * (scene.bounds().max.y - scene.bounds().min.y);
     let mut targets = points.clone();
     shuffle(&mut targets);
     let mut sources = points;
     if order == Order::Random {
-        sources.rotate_left(N_QUERIES / 3);
+        sources.rotate_left(N_RAYS / 3);
         shuffle(&mut sources);
     }
     let between = |(p, q): (&Point, &Point)| {
@@ -124,10 +129,16 @@ pub(crate) fn occlusion_rays(scene: &Scene, order: Order) -> Vec<Ray> {
     };
     let mut rays: Vec<Ray> = sources.iter().zip(&targets).filter_map(between).collect();
     // The few that lead nowhere are replaced, so that there are always as many.
-    while rays.len() < N_QUERIES {
+    while rays.len() < N_RAYS {
         rays.push(rays[rays.len() / 2]);
     }
     rays
+}
+
+/// Prepares on all threads what is then measured on one.
+fn on_all_threads<T: Send>(f: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().build().expect("threads can be started");
+    pool.install(f)
 }
 
 /// The indirect photons of a scene, with what is asked of them.
@@ -135,6 +146,8 @@ pub(crate) struct Field {
     /// As they were emitted.
     pub(crate) photons: Vec<Photon>,
     points: Vec<Point>,
+    /// The largest distance of a photon, as `render-cached` has it.
+    pub(crate) max_radius: f32,
     set: OnceLock<PhotonSet>,
     peer: OnceLock<Peer>,
     radius: OnceLock<f32>,
@@ -150,12 +163,20 @@ impl Field {
             max_bounces: 1024,
             store_direct: false,
         };
-        let traced = trace(scene, &config, &|_| true).expect("nobody asks for a stop");
+        let traced = on_all_threads(|| trace(scene, &config, &|_| true));
+        let traced = traced.expect("nobody asks for a stop");
         let mut photons = traced.indirect;
         assert!(photons.len() >= n, "{} photons were stored, and {n} are wanted", photons.len());
         photons.truncate(n);
         let (set, peer, radius) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
-        Self { photons, points: seen(scene), set, peer, radius }
+        Self {
+            photons,
+            points: seen(scene, N_GATHERS, |p| p.is_diffuse),
+            max_radius: scene.bounds().diagonal() / 20.0,
+            set,
+            peer,
+            radius,
+        }
     }
 
     /// The places to gather at.
@@ -169,7 +190,7 @@ impl Field {
 
     /// Our kd-tree.
     pub(crate) fn set(&self) -> &PhotonSet {
-        self.set.get_or_init(|| PhotonSet::build(&self.photons))
+        self.set.get_or_init(|| on_all_threads(|| PhotonSet::build(&self.photons)))
     }
 
     /// The same photons in a tree of kiddo.
@@ -180,7 +201,7 @@ impl Field {
     /// The radius within which some 100 photons lie: the median over the places to gather at.
     pub(crate) fn radius(&self) -> f32 {
         *self.radius.get_or_init(|| {
-            let gather = Gather { k: 100, max_radius: 1e3, kernel: Kernel::Box };
+            let gather = Gather { k: 100, max_radius: self.max_radius, kernel: Kernel::Box };
             let mut scratch = Scratch::default();
             let radius = |p: &Point| {
                 self.set().irradiance(p.position, p.normal, &gather, None, &mut scratch).radius

@@ -1,6 +1,8 @@
 //! Rates of the stages that work on speed is judged by, each on one thread: rays, photons, queries and pixels a second.
 //!
-//! `cargo xtask bench micro [FILTER]` runs them. Scenes and photons are made when the first benchmark asks for them.
+//! `cargo xtask bench micro [FILTER]` runs them and reads what criterion keeps: the name of a group ends with what is
+//! counted, in brackets, and what kiddo does has its name after a comma. Scenes and photons are made when the first
+//! benchmark asks for them.
 
 mod fields;
 mod peer;
@@ -23,17 +25,19 @@ use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet, Scratch};
 use photon_trace::{Budget, Config, trace};
 use scene::Scene;
 
-use crate::fields::{Field, N_QUERIES, Order, Point, SIDE, occlusion_rays, rays, scene};
+use crate::fields::{Field, N_GATHERS, N_RAYS, Order, Point, SIDE, occlusion_rays, rays, scene};
 
 static RABBIT: LazyLock<Scene> = LazyLock::new(|| scene("rabbit"));
 static BOX: LazyLock<Scene> = LazyLock::new(|| scene("cornell-box"));
+/// Numbers of photons, and those photons.
+const SIZES: [&str; 2] = ["1 M", "4 M"];
 static FIELDS: [LazyLock<Field>; 2] =
     [LazyLock::new(|| Field::new(&BOX, 1_000_000)), LazyLock::new(|| Field::new(&BOX, 4_000_000))];
 
 fn main() {
     let mut criterion = Criterion::default()
-        .warm_up_time(Duration::from_secs(1))
-        .measurement_time(Duration::from_secs(4))
+        .warm_up_time(Duration::from_millis(500))
+        .measurement_time(Duration::from_secs(2))
         .sample_size(10)
         .configure_from_args();
     // Rates are those of one thread.
@@ -48,15 +52,21 @@ fn main() {
     criterion.final_summary();
 }
 
-fn group<'a>(criterion: &'a mut Criterion, name: &str, n: usize) -> BenchmarkGroup<'a, WallTime> {
-    let mut group = criterion.benchmark_group(name);
+/// A group whose iterations each do `n` of what is counted.
+fn group<'a>(
+    criterion: &'a mut Criterion,
+    name: &str,
+    counted: &str,
+    n: usize,
+) -> BenchmarkGroup<'a, WallTime> {
+    let mut group = criterion.benchmark_group(format!("{name} ({counted})"));
     group.throughput(Throughput::Elements(n as u64)).sampling_mode(SamplingMode::Flat);
     group
 }
 
 /// Rays through the rabbit: some 70,000 triangles of glass in a box.
 fn bvh(criterion: &mut Criterion) {
-    let mut group = group(criterion, "bvh", N_QUERIES);
+    let mut group = group(criterion, "BVH", "rays", N_RAYS);
     for order in Order::ALL {
         group.bench_function(BenchmarkId::new("closest hit", order.name()), |b| {
             let rays = rays(&RABBIT, order);
@@ -76,7 +86,7 @@ fn bvh(criterion: &mut Criterion) {
 /// Photons a second from emission to absorption.
 fn photon_tracing(criterion: &mut Criterion) {
     const N: u64 = 100_000;
-    let mut group = group(criterion, "photon tracing", N as usize);
+    let mut group = group(criterion, "photon tracing", "photons", N as usize);
     for (name, scene) in [("cornell-box", &BOX), ("rabbit", &RABBIT)] {
         group.bench_function(name, |b| {
             let config = Config {
@@ -92,50 +102,58 @@ fn photon_tracing(criterion: &mut Criterion) {
 
 /// Photons a second into a kd-tree.
 fn trees(criterion: &mut Criterion) {
-    for field in &FIELDS {
-        let n = if std::ptr::eq(field, &FIELDS[0]) { 1_000_000 } else { 4_000_000 };
-        let mut group = group(criterion, "kd-tree build", n);
-        group.bench_function(format!("{n}"), |b| b.iter(|| PhotonSet::build(&field.photons)));
-        group.bench_function(format!("{n}, kiddo"), |b| {
+    for (name, field) in SIZES.into_iter().zip(&FIELDS) {
+        let n = field.photons.len();
+        let mut group = group(criterion, "kd-tree build", "photons", n);
+        group.bench_function(name, |b| b.iter(|| PhotonSet::build(&field.photons)));
+        group.bench_function(format!("{name}, kiddo"), |b| {
             let positions = peer::positions(&field.photons);
             b.iter(|| peer::build(&positions));
         });
     }
 }
 
+/// Photons in an estimate, as `render-cached` takes them for indirect light.
+const K: usize = 500;
+
 /// Gathers a second around what an eye sees, in the order of its pixels and shuffled.
 fn gathers(criterion: &mut Criterion) {
-    for (name, field) in ["1 M", "4 M"].into_iter().zip(&FIELDS) {
-        let mut group = group(criterion, &format!("gather from {name} photons"), N_QUERIES);
+    for (name, field) in SIZES.into_iter().zip(&FIELDS) {
+        let name = format!("gather from {name} photons");
+        let mut group = group(criterion, &name, "queries", N_GATHERS);
         for order in Order::ALL {
-            for k in [100, 500] {
-                group.bench_function(BenchmarkId::new(format!("{k} nearest"), order.name()), |b| {
-                    let (points, set) = (field.points(order), field.set());
-                    let gather = Gather { k, max_radius: 1e3, kernel: Kernel::Epanechnikov };
-                    let mut scratch = Scratch::default();
-                    b.iter(|| {
-                        let mut sum = Rgb::BLACK;
-                        for Point { position, normal } in &points {
-                            sum += set
-                                .irradiance(*position, *normal, &gather, None, &mut scratch)
-                                .irradiance;
-                        }
-                        sum
-                    });
+            group.bench_function(BenchmarkId::new(format!("{K} nearest"), order.name()), |b| {
+                let (points, set) = (field.points(order), field.set());
+                let gather =
+                    Gather { k: K, max_radius: field.max_radius, kernel: Kernel::Epanechnikov };
+                let mut scratch = Scratch::default();
+                b.iter(|| {
+                    let mut sum = Rgb::BLACK;
+                    for Point { position, normal, .. } in &points {
+                        sum += set
+                            .irradiance(*position, *normal, &gather, None, &mut scratch)
+                            .irradiance;
+                    }
+                    sum
                 });
-                group.bench_function(
-                    BenchmarkId::new(format!("{k} nearest, kiddo"), order.name()),
-                    |b| {
-                        let (points, peer) = (field.points(order), field.peer());
-                        b.iter(|| points.iter().map(|p| peer.nearest(p.position, k)).sum::<Rgb>());
-                    },
-                );
-            }
+            });
+            group.bench_function(
+                BenchmarkId::new(format!("{K} nearest, kiddo"), order.name()),
+                |b| {
+                    let (points, peer) = (field.points(order), field.peer());
+                    b.iter(|| {
+                        points
+                            .iter()
+                            .map(|p| peer.nearest(p.position, K, field.max_radius))
+                            .sum::<Rgb>()
+                    });
+                },
+            );
             group.bench_function(BenchmarkId::new("within a radius", order.name()), |b| {
                 let (points, set, radius) = (field.points(order), field.set(), field.radius());
                 b.iter(|| {
                     let mut sum = Rgb::BLACK;
-                    for Point { position, normal } in &points {
+                    for Point { position, normal, .. } in &points {
                         sum += set
                             .irradiance_within(*position, *normal, radius, Kernel::Epanechnikov)
                             .irradiance;
@@ -154,12 +172,12 @@ fn gathers(criterion: &mut Criterion) {
 /// Pixels a second, of one component: the paper's search among candidates, and the refinement of mode `adaptive`.
 fn interpolation(criterion: &mut Criterion) {
     let n_pixels = (SIDE * SIDE) as usize;
-    let mut group = group(criterion, "interpolation", n_pixels);
+    let mut group = group(criterion, "interpolation", "pixels", n_pixels);
     let surfaces = || {
         let points = fields::primary(&BOX);
         Grid::from_values(fields::SIZE, points.into_iter().map(surface_point).collect())
     };
-    for component in [Component::Direct, Component::Caustic] {
+    for component in Component::ALL {
         group.bench_function(BenchmarkId::new("paper", component), |b| {
             let surfaces = surfaces();
             let samples = choose_pixels(fields::SIZE, 1.0 / 16.0, 0);
@@ -216,9 +234,9 @@ fn surface_point(point: Option<Point>) -> Option<SurfacePoint> {
 
 /// Photons a second that are ready for use after opening a map.
 fn map_open(criterion: &mut Criterion) {
-    for (n, field) in [1_000_000, 4_000_000].into_iter().zip(&FIELDS) {
-        let mut group = group(criterion, "map open", n);
-        group.bench_function(format!("{n}"), |b| {
+    for (name, field) in SIZES.into_iter().zip(&FIELDS) {
+        let mut group = group(criterion, "map open", "photons", field.photons.len());
+        group.bench_function(name, |b| {
             let folder = tempfile::tempdir().expect("there is room for a map");
             let path = folder.path().join("maps.photons");
             save(&path, field);

@@ -28,12 +28,13 @@ impl Peer {
         Self { tree: build(&positions(photons)), flux: photons.iter().map(|p| p.flux).collect() }
     }
 
-    /// The weighted flux of the `k` nearest photons.
-    pub(crate) fn nearest(&self, point: Vec3A, k: usize) -> Rgb {
+    /// The weighted flux of the `k` nearest photons within a radius.
+    pub(crate) fn nearest(&self, point: Vec3A, k: usize, max_radius: f32) -> Rgb {
         let k = NonZero::new(k).expect("k is at least 2");
-        let found =
-            self.tree.query(&point.to_array()).nearest_n::<SquaredEuclidean<f32>>(k).execute();
-        let radius2 = found.last().map_or(1.0, |p| p.distance);
+        let query = point.to_array();
+        let nearest = self.tree.query(&query).nearest_n::<SquaredEuclidean<f32>>(k);
+        let found = nearest.within(max_radius * max_radius).unsorted().execute();
+        let radius2 = found.iter().map(|p| p.distance).fold(f32::MIN_POSITIVE, f32::max);
         found.iter().map(|p| self.flux[p.item as usize] * (1.0 - p.distance / radius2)).sum()
     }
 

@@ -1,5 +1,7 @@
 //! A run beside an earlier one: what got slower, and what got faster.
 
+use std::fmt;
+
 use crate::bench::runs::{Clock, ModeRuns, Row, Runs, SceneRuns, SizeRuns};
 use crate::bench::spread::Spread;
 use crate::bench::tables::percent;
@@ -7,7 +9,7 @@ use crate::table::Table;
 
 /// A change below this isn't told, however steady the runs were.
 const LEAST_CHANGE: f64 = 0.05;
-/// Nor is one of fewer CPU seconds.
+/// Nor is one of fewer CPU seconds, in a stage of a program.
 const LEAST_SECONDS: f64 = 0.005;
 
 /// Tables of ratios, a scene each, and a sentence for each change that is more than noise.
@@ -18,12 +20,8 @@ pub(crate) fn against(now: &Runs, then: &Runs) -> (Vec<Table>, Vec<String>) {
         tables.push(ratios(scene, old));
         let pass_1 = |s: &SceneRuns| Spread::of(s.pass_1.iter().map(|p| p.cpu_seconds.total));
         let machine = median(&scene.yardsticks) / median(&old.yardsticks);
-        changes.extend(change(
-            &format!("{} pass 1", scene.name),
-            pass_1(scene),
-            pass_1(old),
-            machine,
-        ));
+        let name = format!("{} pass 1", scene.name);
+        changes.extend(stage_change(&name, pass_1(scene), pass_1(old), machine));
         for (size, new, old_mode) in common(scene, old) {
             let machine = machine_of(new, old_mode);
             for row in Row::ALL {
@@ -38,7 +36,14 @@ pub(crate) fn against(now: &Runs, then: &Runs) -> (Vec<Table>, Vec<String>) {
                     row.name().to_lowercase()
                 );
                 let of = |scene: &SceneRuns, mode| scene.seconds(mode, row, Clock::Cpu);
-                changes.extend(change(&name, of(scene, new), of(old, old_mode), machine));
+                changes.extend(stage_change(&name, of(scene, new), of(old, old_mode), machine));
+            }
+            let name = format!("{} {} {}", scene.name, size.size, new.mode);
+            for ((what, now), (_, then)) in work(new).into_iter().zip(work(old_mode)) {
+                if now > then * (1.0 + LEAST_CHANGE) {
+                    let ratio = now / then;
+                    changes.push(format!("more work: {name}, {what}: {ratio:.2} times as many"));
+                }
             }
             let worse = new
                 .quality
@@ -84,17 +89,50 @@ fn median(values: &[f64]) -> f64 {
     Spread::of(values.iter().copied()).median
 }
 
-/// A sentence, if the times differ by more than they spread.
-fn change(name: &str, now: Spread, then: Spread, machine: f64) -> Option<String> {
-    let expected = then.median * machine;
-    let ratio = now.median / expected;
+/// A change that is more than noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Change {
+    ratio: f64,
+    noise: f64,
+}
+
+/// The change from then to now, if the times differ by more than they spread. `machine` is how many of our seconds one of
+/// the old ones is.
+pub(crate) fn change(now: Spread, then: Spread, machine: f64) -> Option<Change> {
+    let ratio = now.median / (then.median * machine);
     let noise = now.relative() + then.relative();
-    let is_change = (ratio - 1.0).abs() > LEAST_CHANGE.max(noise)
-        && (now.median - expected).abs() > LEAST_SECONDS;
-    let word = if ratio > 1.0 { "slower" } else { "faster" };
-    is_change.then(|| {
-        format!("{word}: {name}, {ratio:.2} times the CPU time (noise {})", percent(noise, 0))
-    })
+    ((ratio - 1.0).abs() > LEAST_CHANGE.max(noise)).then_some(Change { ratio, noise })
+}
+
+impl Change {
+    pub(crate) fn word(self) -> &'static str {
+        if self.ratio > 1.0 { "slower" } else { "faster" }
+    }
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} times the CPU time (noise {})", self.ratio, percent(self.noise, 0))
+    }
+}
+
+/// A sentence, if the times of a stage differ by more than noise and are more than next to nothing.
+fn stage_change(name: &str, now: Spread, then: Spread, machine: f64) -> Option<String> {
+    let change = change(now, then, machine)?;
+    ((now.median - then.median * machine).abs() > LEAST_SECONDS)
+        .then(|| format!("{}: {name}, {change}", change.word()))
+}
+
+/// What doesn't depend on the machine.
+fn work(mode: &ModeRuns) -> [(&'static str, f64); 5] {
+    let counts = mode.counts();
+    [
+        ("specular rays", counts.rays.specular as f64),
+        ("shadow rays", counts.rays.shadow as f64),
+        ("gather rays", counts.rays.gather as f64),
+        ("photons visited", counts.photons_visited as f64),
+        ("bytes of memory at the peak", mode.peak_bytes() as f64),
+    ]
 }
 
 /// New over old: time of each row for what the machine is worth, the time beside that of the original, and work.
@@ -118,14 +156,14 @@ fn ratios(now: &SceneRuns, then: &SceneRuns) -> Table {
         old_size.map_or_else(String::new, |old_size| times(share(new, size) / share(old, old_size)))
     };
     table.push("Pass 2 beside the original's", columns.iter().map(beside));
-    let mut work = |name: &str, f: &dyn Fn(&ModeRuns) -> f64| {
+    let mut row = |name: &str, f: &dyn Fn(&ModeRuns) -> f64| {
         table.push(name, columns.iter().map(|(_, new, old)| times(f(new) / f(old))));
     };
-    work("Specular rays", &|m| m.counts().rays.specular as f64);
-    work("Shadow rays", &|m| m.counts().rays.shadow as f64);
-    work("Photons visited", &|m| m.counts().photons_visited as f64);
-    work("Peak memory", &|m| m.peak_bytes() as f64);
-    work("Mean FLIP", &|m| m.quality.map_or(f64::NAN, |q| q.mean));
+    row("Specular rays", &|m| m.counts().rays.specular as f64);
+    row("Shadow rays", &|m| m.counts().rays.shadow as f64);
+    row("Photons visited", &|m| m.counts().photons_visited as f64);
+    row("Peak memory", &|m| m.peak_bytes() as f64);
+    row("Mean FLIP", &|m| m.quality.map_or(f64::NAN, |q| q.mean));
     table.notes = vec![
         "Times are divided by those of a fixed piece of work that was timed before each run, then and now.".into(),
     ];
@@ -183,10 +221,26 @@ mod tests {
     fn noise_is_no_change() {
         let spread = |median, least, most| Spread { median, least, most };
         let steady = |m: f64| spread(m, m, m);
-        assert_eq!(change("x", steady(1.04), steady(1.0), 1.0), None);
-        assert!(change("x", steady(1.06), steady(1.0), 1.0).unwrap().starts_with("slower: x"));
-        assert!(change("x", steady(0.5), steady(1.0), 1.0).unwrap().starts_with("faster: x"));
-        assert_eq!(change("x", spread(1.3, 1.0, 2.0), spread(1.0, 0.9, 1.1), 1.0), None);
-        assert_eq!(change("x", steady(0.002), steady(0.001), 1.0), None);
+        let says = |now, then| stage_change("x", now, then, 1.0);
+        assert_eq!(says(steady(1.04), steady(1.0)), None);
+        assert!(says(steady(1.06), steady(1.0)).unwrap().starts_with("slower: x"));
+        assert!(says(steady(0.5), steady(1.0)).unwrap().starts_with("faster: x"));
+        assert_eq!(says(spread(1.3, 1.0, 2.0), spread(1.0, 0.9, 1.1)), None);
+        assert_eq!(says(steady(0.002), steady(0.001)), None);
+    }
+
+    #[test]
+    fn more_work_is_told_however_fast_it_is() {
+        let then = Runs::of(&modes()).unwrap();
+        let mut records = modes();
+        for record in &mut records {
+            if let Some(shadow) = record.stats["rays"]["shadow"].as_u64() {
+                record.stats["rays"]["shadow"] = (shadow * 2).into();
+            }
+        }
+        let (_, changes) = against(&Runs::of(&records).unwrap(), &then);
+        let expected = ["original", "paper"]
+            .map(|mode| format!("more work: rabbit 256 {mode}, shadow rays: 2.00 times as many"));
+        assert_eq!(changes, expected);
     }
 }

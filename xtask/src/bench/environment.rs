@@ -58,6 +58,11 @@ impl Environment {
         })
     }
 
+    /// As a list in Markdown.
+    pub(crate) fn list(&self) -> String {
+        self.lines().iter().map(|(name, value)| format!("- {name}: {value}\n")).collect()
+    }
+
     /// Names and values, for people.
     pub(crate) fn lines(&self) -> Vec<(&'static str, String)> {
         let processor = format!("{}, {} threads", self.processor, self.processors);
@@ -66,7 +71,7 @@ impl Environment {
             ("memory", self.memory.clone()),
             ("system", self.system.clone()),
             ("compiler", self.rustc.clone()),
-            ("commit", format!("{} of {}", self.commit, self.commit_date)),
+            ("commit", format!("{} ({})", self.commit, self.commit_date)),
             ("command", self.command.clone()),
         ];
         if !self.rustflags.is_empty() {

@@ -19,18 +19,19 @@ pub(crate) enum Earlier {
     Discard,
 }
 
-/// Runs everything, or finds that it was run before, and returns the records in the order of the plan. Each is saved as
+/// Runs everything, or finds that it was run before, and adds the records in the order of the plan. Each is saved as
 /// soon as it is there.
 ///
 /// # Errors
 /// When a program fails, when two runs of the same do different work, or when a program's account can't be true. What was
-/// measured until then stays.
-pub(crate) fn measure(plan: &Plan, earlier: Earlier) -> anyhow::Result<Vec<Record>> {
-    let mut bench = Bench { plan, earlier, records: Vec::new(), digests: digests(plan)? };
-    for scene in &plan.scenes {
-        bench.scene(scene)?;
-    }
-    Ok(bench.records)
+/// measured until then stays in its files, and the sizes that are complete are in `records`.
+pub(crate) fn measure(
+    plan: &Plan,
+    earlier: Earlier,
+    records: &mut Vec<Record>,
+) -> anyhow::Result<()> {
+    let mut bench = Bench { plan, earlier, records, digests: digests(plan)? };
+    plan.scenes.iter().try_for_each(|scene| bench.scene(scene))
 }
 
 /// The folder of the records.
@@ -47,7 +48,7 @@ fn digests(plan: &Plan) -> anyhow::Result<[String; 2]> {
 struct Bench<'a> {
     plan: &'a Plan,
     earlier: Earlier,
-    records: Vec<Record>,
+    records: &'a mut Vec<Record>,
     digests: [String; 2],
 }
 
@@ -69,7 +70,8 @@ impl Bench<'_> {
         let mut warm_up = build(0);
         warm_up.keeps = vec![maps.clone()];
         let steps: Vec<Vec<Step>> = (1..=plan.runs).map(|round| vec![build(round)]).collect();
-        self.block(vec![warm_up], steps)?;
+        // They join the others with the first pictures that were made from the map.
+        let mut pass_1 = self.block(vec![warm_up], steps)?;
 
         let maps_digest = digest(&maps)?;
         for &size in &plan.sizes {
@@ -87,14 +89,16 @@ impl Bench<'_> {
             let rounds = (1..=plan.runs).map(|round| {
                 plan.order(round).into_iter().map(|mode| render(mode, round)).collect()
             });
-            self.block(warm_up, rounds.collect())?;
+            let pictures = self.block(warm_up, rounds.collect())?;
+            self.records.append(&mut pass_1);
+            self.records.extend(pictures);
         }
         Ok(())
     }
 
     /// Runs one round to warm up, then all rounds to be measured; what is there already isn't run again, but a round is
     /// run as a whole, and never without a warm-up.
-    fn block(&mut self, warm_up: Vec<Step>, rounds: Vec<Vec<Step>>) -> anyhow::Result<()> {
+    fn block(&self, warm_up: Vec<Step>, rounds: Vec<Vec<Step>>) -> anyhow::Result<Vec<Record>> {
         let raw = raw_folder(self.plan);
         let find = |step: &Step| match self.earlier {
             Earlier::Reuse => Record::find(&raw, &step.run, &step.key)
@@ -107,7 +111,7 @@ impl Bench<'_> {
             .collect();
         let all_known = known.iter().all(Option::is_some);
 
-        let mut first: Vec<Record> = Vec::new();
+        let (mut first, mut all): (Vec<Record>, Vec<Record>) = (Vec::new(), Vec::new());
         for (steps, known) in std::iter::once(&warm_up).chain(&rounds).zip(known) {
             let is_warm_up = steps[0].run.round == 0;
             let records = match known {
@@ -121,9 +125,9 @@ impl Bench<'_> {
                 let reference = first.iter().find(|r| r.run.pass == record.run.pass);
                 check_work(reference.unwrap_or(record), record)?;
             }
-            self.records.extend(records);
+            all.extend(records);
         }
-        Ok(())
+        Ok(all)
     }
 
     fn run_steps(&self, steps: &[Step], raw: &Path) -> anyhow::Result<Vec<Record>> {
@@ -171,6 +175,7 @@ impl Step {
         let stats: Value = stats::read(&root().join(&self.stats))?;
         let mut record = Record {
             run: self.run.clone(),
+            settings: plan.settings.clone(),
             key: self.key.clone(),
             command: self.call.to_string(),
             outside,
@@ -246,10 +251,12 @@ mod tests {
 
     use super::*;
     use crate::bench::outside::Outside;
+    use crate::bench::settings::Settings;
 
     fn record(round: u32, shadow_rays: u64) -> Record {
         Record {
             run: Run { scene: "box".into(), pass: Pass::Build, round },
+            settings: Settings::usual(),
             key: String::new(),
             command: "photon-build box".into(),
             outside: Outside { wall_seconds: 1.0, cpu_seconds: None },

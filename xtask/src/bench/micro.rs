@@ -1,39 +1,119 @@
 //! `cargo xtask bench micro`: rates of single stages, by criterion.
 
+use std::fs;
 use std::process::Command;
 
 use anyhow::{Context, ensure};
+use serde::{Deserialize, Serialize};
 
+use crate::bench::environment::Environment;
+use crate::bench::rates::{self, Rate};
+use crate::bench::spread::Spread;
+use crate::bench::{command_line, outside, record};
 use crate::programs::root;
+
+/// The files of a recorded run.
+const JSON: &str = "micro.json";
+pub(crate) const PAGE: &str = "micro.md";
 
 /// Measure rates of single stages: rays, photons, queries and pixels a second
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Measure only what has this in its name, such as "bvh" or "gather from 1 M"
+    /// Measure only what has this in its name, such as "BVH" or "gather from 1 M"
     filter: Option<String>,
-    /// Keep the results under this name, to compare with later
-    #[arg(long, value_name = "NAME", conflicts_with = "against")]
-    save: Option<String>,
-    /// Compare with the results that were kept under this name
-    #[arg(long, value_name = "NAME")]
+    /// Keep the rates under this name in xtask/runs
+    #[arg(long, value_name = "NAME", value_parser = record::parse_name)]
+    record: Option<String>,
+    /// Replace the rates of that name
+    #[arg(long, requires = "record")]
+    force: bool,
+    /// Compare with the recorded rates of this name
+    #[arg(long, value_name = "NAME", value_parser = record::parse_name)]
     against: Option<String>,
+}
+
+/// All rates of a run, and where they were measured.
+#[derive(Serialize, Deserialize)]
+struct Micro {
+    environment: Environment,
+    /// CPU seconds of a piece of work that is the same everywhere, before and after.
+    yardsticks: Spread,
+    rates: Vec<Rate>,
 }
 
 /// Runs the benchmarks of the package of tests.
 ///
 /// # Errors
-/// When they can't be built or run.
+/// When they can't be built or run, or when their results can't be read or kept.
+#[expect(clippy::print_stdout, reason = "the rates are the command's result")]
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(name) = args.record.as_deref().filter(|_| !args.force) {
+        record::check_no_file(name, JSON)?;
+    }
+    let then = args.against.as_deref().map(load).transpose()?;
+
+    let environment = Environment::here(command_line())?;
+    let folder = root().join("target/bench/micro");
+    if folder.exists() {
+        // What an earlier filter let through isn't of this run.
+        fs::remove_dir_all(&folder)
+            .with_context(|| format!("cannot remove {}", folder.display()))?;
+    }
+    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let mut yardsticks: Vec<f64> = (0..3).map(|_| outside::yardstick()).collect();
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut command = Command::new(cargo);
-    command.args(["bench", "--package", "pipeline-tests", "--bench", "micro", "--"]);
-    command.args(&args.filter).current_dir(root());
-    for (option, name) in [("--save-baseline", &args.save), ("--baseline", &args.against)] {
-        if let Some(name) = name {
-            command.args([option, name]);
+    let status = Command::new(cargo)
+        .args(["bench", "--package", "pipeline-tests", "--bench", "micro", "--", "--quiet"])
+        .args(&args.filter)
+        .env("CRITERION_HOME", &folder)
+        .current_dir(root())
+        .status()
+        .context("cannot run cargo")?;
+    ensure!(status.success(), "the benchmarks failed; the reason is above");
+    yardsticks.extend((0..3).map(|_| outside::yardstick()));
+
+    let micro =
+        Micro { environment, yardsticks: Spread::of(yardsticks), rates: rates::read(&folder)? };
+    println!("\n{}", rates::table(&micro.rates));
+    if let Some(then) = &then {
+        let machine = micro.yardsticks.median / then.yardsticks.median;
+        println!("Then: commit {} on {}", then.environment.commit, then.environment.processor);
+        let changes = rates::changes(&micro.rates, &then.rates, machine);
+        changes.iter().for_each(|change| println!("{change}"));
+    }
+    if let Some(name) = &args.record {
+        keep(name, &micro)?;
+        println!("{}", record::folder(name).join(PAGE).display());
+    }
+    Ok(())
+}
+
+fn keep(name: &str, micro: &Micro) -> anyhow::Result<()> {
+    let table = rates::table(&micro.rates);
+    let page = format!(
+        "# Rates of single stages, {name}\n\n{}\n{}{}",
+        micro.environment.list(),
+        table.to_markdown(),
+        table.notes.iter().map(|note| format!("\n{note}\n")).collect::<String>()
+    );
+    let json = serde_json::to_string_pretty(micro)? + "\n";
+    record::write(name, &[(JSON, &json), (PAGE, &page)])
+}
+
+fn load(name: &str) -> anyhow::Result<Micro> {
+    let path = root().join(record::folder(name)).join(JSON);
+    crate::stats::read(&path)
+        .with_context(|| format!("there are no recorded rates {name}, or they can't be read"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_kept_rates_can_be_read() {
+        for name in record::names(JSON) {
+            assert!(!load(&name).unwrap().rates.is_empty(), "{name}");
         }
     }
-    let status = command.status().context("cannot run cargo")?;
-    ensure!(status.success(), "the benchmarks failed; the reason is above");
-    Ok(())
 }

@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{bail, ensure};
 
 use crate::bench::Args;
+use crate::bench::settings::Settings;
 use crate::programs::{Call, Programs, from_root, root};
-
-/// Photons in an estimate of indirect light.
-const GATHER: &str = "500";
 
 /// Exposure of the pictures in the report, in stops. The Cornell box is dim at its published emission.
 const EXPOSURE: &str = "1";
@@ -33,8 +31,7 @@ pub(crate) struct Plan {
     pub(crate) modes: Vec<String>,
     /// Measured runs of each, besides the warm-up.
     pub(crate) runs: u32,
-    pub(crate) photons: String,
-    pub(crate) shadow_rays: u32,
+    pub(crate) settings: Settings,
     pub(crate) out: PathBuf,
 }
 
@@ -88,19 +85,9 @@ impl Plan {
         sizes.sort_unstable();
         sizes.dedup();
         let runs = args.runs.unwrap_or(if args.quick { QUICK_RUNS } else { RUNS });
-        let out = from_root(&std::path::absolute(
-            args.out.clone().unwrap_or_else(|| root().join("target/bench")),
-        )?);
-        Ok(Self {
-            programs,
-            scenes,
-            sizes,
-            modes,
-            runs,
-            photons: args.photons.clone(),
-            shadow_rays: args.shadow_rays,
-            out,
-        })
+        let usual = || root().join(format!("target/bench{}", args.settings.suffix()));
+        let out = from_root(&std::path::absolute(args.out.clone().unwrap_or_else(usual))?);
+        Ok(Self { programs, scenes, sizes, modes, runs, settings: args.settings.clone(), out })
     }
 
     /// The photon map from which all pictures of a scene are made.
@@ -121,7 +108,7 @@ impl Plan {
         let stats = output.with_extension("json");
         let call = Call::new(&self.programs.photon_build)
             .args([&scene.path])
-            .args(["--photons-per-light", &self.photons, "-o"])
+            .args(["--photons-per-light", &self.settings.photons, "-o"])
             .args([&output])
             .args(["--stats"])
             .args([&stats])
@@ -145,7 +132,7 @@ impl Plan {
             .args(["--photons"])
             .args([self.maps(&scene.name)])
             .args(["--mode", mode, "--resolution", &format!("{size}x{size}")])
-            .args(["--shadow-rays", &self.shadow_rays.to_string(), "--gather", GATHER])
+            .args(self.settings.render_args())
             .args(["--exposure", EXPOSURE, "-o"])
             .args([&png]);
         if round == 0 {
@@ -198,8 +185,7 @@ pub(crate) mod tests {
             sizes: vec![16, 32],
             modes: modes.iter().map(|&m| m.into()).collect(),
             runs,
-            photons: "1M".into(),
-            shadow_rays: 64,
+            settings: Settings::usual(),
             out: "target/bench".into(),
         }
     }

@@ -11,12 +11,14 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::bench::outside::Outside;
+use crate::bench::settings::Settings;
 use crate::stats::{BuildStats, RenderStats};
 
 /// A run of a program that has ended well.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Record {
     pub(crate) run: Run,
+    pub(crate) settings: Settings,
     /// Digest of all that decides what the run does: command line, program, scene, maps.
     pub(crate) key: String,
     /// The command line.
@@ -200,6 +202,7 @@ mod tests {
                 pass: Pass::Render { size: 64, mode: "paper".into() },
                 round: 3,
             },
+            settings: Settings::usual(),
             key: "00ff".into(),
             command: "render-cached".into(),
             outside: Outside { wall_seconds: 1.5, cpu_seconds: Some(2.0) },

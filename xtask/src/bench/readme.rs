@@ -7,6 +7,8 @@ use std::io::Write as _;
 use anyhow::Context;
 use film::Existing;
 
+use crate::bench::bars;
+use crate::bench::micro;
 use crate::bench::record::{self, Kept};
 use crate::bench::runs::{Clock, ModeRuns, Saved, SceneRuns, SizeRuns};
 use crate::bench::spread::Spread;
@@ -17,11 +19,19 @@ use crate::table::Table;
 const BEGIN: &str = "<!-- bench:begin -->";
 const END: &str = "<!-- bench:end -->";
 
+/// Show a recorded run in the README
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// Name of the run in xtask/runs
+    #[arg(value_parser = record::parse_name)]
+    name: String,
+}
+
 /// Puts the figures of a recorded run between the marks in the README.
 ///
 /// # Errors
-/// When the README can't be read or written, or has no marks.
-pub(crate) fn update(name: &str) -> anyhow::Result<()> {
+/// When there is no such run, or when the README can't be read or written, or has no marks.
+pub(crate) fn run(Args { name }: &Args) -> anyhow::Result<()> {
     let path = root().join("README.md");
     let text = fs::read_to_string(&path).context("reading README.md")?;
     let (before, rest) =
@@ -35,23 +45,31 @@ pub(crate) fn update(name: &str) -> anyhow::Result<()> {
 
 /// What stands between the marks.
 fn section(name: &str, kept: &Kept) -> String {
-    let environment = &kept.environment;
+    let Kept { environment, runs } = kept;
     let folder = record::folder(name);
+    let rates = match root().join(&folder).join(micro::PAGE).is_file() {
+        true => format!(", the [rates of single stages]({}/{})", folder.display(), micro::PAGE),
+        false => String::new(),
+    };
     let folder = folder.display();
     let mut text = format!(
-        "`{}` measured this at commit {} on {}, {} threads, {}.\nCPU seconds of pass 2, medians of {} runs in alternation; \
-         saved of pass 2 alone, and with pass 1 counted;\nFLIP is the mean against `original`. \
-         [All tables]({folder}/README.md) beside those of the paper, and a [report]({folder}/report.html) with figures and\n\
-         pictures, to be opened from disk.\n",
+        "`{}` measured this at commit {} on {}, {} threads, {}:\n{}.\n\n\
+         CPU seconds of pass 1 and pass 2, medians of {} runs in alternation; saved of pass 2 alone, and with pass 1 \
+         counted;\nFLIP is the mean against `original`. There are [all tables]({folder}/README.md) beside those of the \
+         paper{rates}, and\na [report]({folder}/report.html) with figures and pictures, to be opened from disk.\n",
         environment.command,
         environment.commit,
         environment.processor,
         environment.processors,
         environment.system,
-        kept.runs.n_runs(),
+        runs.settings,
+        runs.n_runs(),
     );
-    for scene in &kept.runs.scenes {
+    for scene in &runs.scenes {
         let _ = write!(text, "\n{}\n", table(scene).to_markdown());
+        if let Some(bars) = bars::table(runs, scene) {
+            let _ = writeln!(text, "{}. {}", bars.caption, bars.notes[0]);
+        }
     }
     text.truncate(text.trim_end().len());
     text + "\n"
@@ -102,7 +120,7 @@ mod tests {
         let text = fs::read_to_string(root().join("README.md")).unwrap();
         let shown = text.split_once(BEGIN).and_then(|(_, rest)| rest.split_once(END));
         let (shown, _) = shown.expect("README.md has both marks");
-        let names = record::names();
+        let names = record::names(record::RAW);
         if names.is_empty() {
             assert_eq!(shown.trim(), "", "README.md shows figures of no recorded run");
             return;

@@ -18,6 +18,9 @@ use crate::programs::root;
 pub(crate) const DETAIL: Detail = Detail { picture: 256, pixels: 128 };
 
 const RUNS: &str = "xtask/runs";
+/// The files of a run that are read again: its records, a line each, and its machine.
+pub(crate) const RAW: &str = "raw.jsonl";
+const ENVIRONMENT: &str = "environment.json";
 
 /// A run that was kept.
 pub(crate) struct Kept {
@@ -47,11 +50,19 @@ pub(crate) fn parse_name(text: &str) -> Result<String, String> {
 /// # Errors
 /// When there is one already.
 pub(crate) fn check_free(name: &str) -> anyhow::Result<()> {
-    let folder = folder(name);
+    check_no_file(name, RAW)
+}
+
+/// Finds out whether a run has a file yet.
+///
+/// # Errors
+/// When it has.
+pub(crate) fn check_no_file(name: &str, file: &str) -> anyhow::Result<()> {
+    let path = folder(name).join(file);
     ensure!(
-        !root().join(&folder).exists(),
-        "{} is there already; remove it, or choose another name",
-        folder.display()
+        !root().join(&path).exists(),
+        "{} is there already; choose another name, or replace it with --force",
+        path.display()
     );
     Ok(())
 }
@@ -67,28 +78,31 @@ pub(crate) fn keep(
     tables: &str,
     page: &str,
 ) -> anyhow::Result<()> {
-    let folder = root().join(folder(name));
-    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let mut raw = String::new();
     for record in records {
         writeln!(raw, "{}", serde_json::to_string(record)?)?;
     }
-    let mut readme = format!("# Bench run {name}\n\n");
-    for (name, value) in environment.lines() {
-        writeln!(readme, "- {name}: {value}")?;
-    }
-    writeln!(
-        readme,
-        "\n`raw.jsonl` holds the account of every run, `report.html` the figures and pictures.\n\n{tables}"
-    )?;
-    let files = [
-        ("environment.json", serde_json::to_string_pretty(environment)? + "\n"),
-        ("raw.jsonl", raw),
-        ("README.md", readme.trim_end().to_owned() + "\n"),
-        ("report.html", page.to_owned()),
-    ];
-    for (name, contents) in files {
-        let path = folder.join(name);
+    let readme = format!(
+        "# Bench run {name}\n\n{}\n`{RAW}` holds the account of every run, `report.html` the figures and pictures.\n\n{}\n",
+        environment.list(),
+        tables.trim_end()
+    );
+    let environment = serde_json::to_string_pretty(environment)? + "\n";
+    write(
+        name,
+        &[(ENVIRONMENT, &environment), (RAW, &raw), ("README.md", &readme), ("report.html", page)],
+    )
+}
+
+/// Writes files of a run.
+///
+/// # Errors
+/// When one can't be written.
+pub(crate) fn write(name: &str, files: &[(&str, &str)]) -> anyhow::Result<()> {
+    let folder = root().join(folder(name));
+    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    for (file, contents) in files {
+        let path = folder.join(file);
         atomic_file::write(&path, Existing::Replace, |out| out.write_all(contents.as_bytes()))?;
     }
     Ok(())
@@ -100,27 +114,31 @@ pub(crate) fn keep(
 /// When there is none of that name, or its files can't be read.
 pub(crate) fn load(name: &str) -> anyhow::Result<Kept> {
     let folder = root().join(folder(name));
-    ensure!(folder.is_dir(), "there is no recorded run {name}; there is: {}", names().join(", "));
+    ensure!(
+        folder.join(RAW).is_file(),
+        "there is no recorded run {name}; there are: {}",
+        names(RAW).join(", ")
+    );
     let read = |name: &str| {
         let path = folder.join(name);
         fs::read_to_string(&path).with_context(|| format!("reading {}", path.display()))
     };
-    let environment = serde_json::from_str(&read("environment.json")?)
-        .with_context(|| format!("reading environment.json of {name}"))?;
+    let environment = serde_json::from_str(&read(ENVIRONMENT)?)
+        .with_context(|| format!("reading {ENVIRONMENT} of {name}"))?;
     let parse = |line: &str| serde_json::from_str::<Record>(line);
-    let records: Vec<Record> = read("raw.jsonl")?
+    let records: Vec<Record> = read(RAW)?
         .lines()
         .map(parse)
         .collect::<Result<_, _>>()
-        .with_context(|| format!("reading raw.jsonl of {name}"))?;
+        .with_context(|| format!("reading {RAW} of {name}"))?;
     Ok(Kept { environment, runs: Runs::of(&records)? })
 }
 
-/// The names of all runs that were kept, in order.
-pub(crate) fn names() -> Vec<String> {
+/// The names of all runs that have a file, in order.
+pub(crate) fn names(file: &str) -> Vec<String> {
     let entries = fs::read_dir(root().join(RUNS)).into_iter().flatten().flatten();
     let mut names: Vec<String> = entries
-        .filter(|entry| entry.path().is_dir())
+        .filter(|entry| entry.path().join(file).is_file())
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();
@@ -141,7 +159,7 @@ mod tests {
 
     #[test]
     fn all_kept_runs_can_be_read() {
-        for name in names() {
+        for name in names(RAW) {
             let kept = load(&name).unwrap();
             assert!(kept.runs.n_runs() > 0, "{name}");
         }

@@ -17,6 +17,7 @@ use crate::bench::report::html::{data_uri, escape};
 use crate::bench::runs::{Clock, Runs, Saved, SceneRuns};
 use crate::bench::tables::{percent, tables, title};
 
+const HEAD: &str = include_str!("report/head.html");
 const STYLE: &str = include_str!("report/page.css");
 const SCRIPT: &str = include_str!("report/page.js");
 
@@ -32,11 +33,7 @@ pub(crate) fn page(environment: &Environment, runs: &Runs, galleries: &[Gallery]
     // A closing tag within the data would end it.
     let data = data.to_string().replace('<', "\\u003c");
     format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n\
-         <title>Tetralux: the paper's tables and figures</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}\n\
+        "{HEAD}<style>\n{STYLE}</style>\n</head>\n<body>\n{body}\n\
          <script type=\"application/json\" id=\"data\">{data}</script>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n"
     )
 }
@@ -46,9 +43,10 @@ fn header(environment: &Environment, runs: &Runs) -> String {
     let mut html = format!(
         "<header><h1>The paper's tables and figures, measured</h1>\
          <p>Lu and Chang, <cite>Acceleration of Photon Mapping: Adaptive Sampling of Irradiance Cache by Components</cite>, \
-         with Tetralux at commit {}. Medians of {} runs in alternation; one photon map for all pictures of a scene.</p>",
+         with Tetralux at commit {}. Medians of {} runs in alternation; one photon map for all pictures of a scene: {}.</p>",
         escape(&environment.commit),
-        runs.n_runs()
+        runs.n_runs(),
+        runs.settings
     );
     html += "<div class=\"cards\">";
     for scene in &runs.scenes {
@@ -112,30 +110,28 @@ fn section(runs: &Runs, scene: &SceneRuns, gallery: &Gallery) -> String {
     html + "</section>"
 }
 
-/// Two pictures with a slider between them, and a pixel of both seen close.
+/// Two pictures with a slider between them, a pixel of both seen close, and all pictures side by side.
 fn viewer(scene: &str, gallery: &Gallery) -> String {
-    let mut images = String::new();
+    let mut images = String::from("<div class=\"pictures\">");
     let mut options = String::new();
-    for Shown { mode, picture, difference, .. } in &gallery.modes {
-        let mode = escape(mode);
-        let _ = write!(options, "<option value=\"{mode}\">{mode}</option>");
+    let mut picture = |name: &str, title: &str, png: &[u8]| {
+        let _ = write!(options, "<option value=\"{name}\">{title}</option>");
         let _ = write!(
             images,
-            "<img hidden data-name=\"{mode}\" alt=\"\" src=\"{}\">",
-            data_uri(picture)
+            "<figure><img data-name=\"{name}\" alt=\"The picture: {title}\" src=\"{}\"><figcaption>{title}</figcaption></figure>",
+            data_uri(png)
         );
+    };
+    for Shown { mode, picture: png, .. } in &gallery.modes {
+        picture(&escape(mode), &escape(mode), png);
+    }
+    for Shown { mode, difference, .. } in &gallery.modes {
         if let Some(difference) = difference {
-            let _ = write!(
-                options,
-                "<option value=\"difference {mode}\">difference of {mode}</option>"
-            );
-            let _ = write!(
-                images,
-                "<img hidden data-name=\"difference {mode}\" alt=\"\" src=\"{}\">",
-                data_uri(difference)
-            );
+            let mode = escape(mode);
+            picture(&format!("difference {mode}"), &format!("difference of {mode}"), difference);
         }
     }
+    images += "</div>";
     for Shown { mode, atlas, .. } in &gallery.modes {
         let _ = write!(
             images,

@@ -3,12 +3,14 @@
 use anyhow::{Context, ensure};
 
 use crate::bench::raw::{Pass, Quality, Record};
+use crate::bench::settings::Settings;
 use crate::bench::spread::Spread;
 use crate::stats::{BuildStats, RenderStats};
 
 /// All runs of a bench.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Runs {
+    pub(crate) settings: Settings,
     pub(crate) scenes: Vec<SceneRuns>,
 }
 
@@ -126,11 +128,17 @@ impl Runs {
     /// Sorts records into place; they come in the order in which they were planned.
     ///
     /// # Errors
-    /// When an account isn't readable, or when runs are missing.
+    /// When an account isn't readable, when runs are missing, or when they are of different settings.
     pub(crate) fn of(records: &[Record]) -> anyhow::Result<Self> {
+        let settings = &records.first().context("there are no runs")?.settings;
         let mut scenes: Vec<SceneRuns> = Vec::new();
         for record in records {
             let name = &record.run.scene;
+            ensure!(
+                record.settings == *settings,
+                "the runs are of different settings: {settings}; and {}",
+                record.settings
+            );
             if scenes.last().is_none_or(|s| s.name != *name) {
                 scenes.push(SceneRuns {
                     name: name.clone(),
@@ -143,13 +151,12 @@ impl Runs {
             let scene = scenes.last_mut().expect("a scene was pushed if there was none");
             scene.add(record)?;
         }
-        let runs = Self { scenes };
+        let runs = Self { settings: settings.clone(), scenes };
         runs.check()?;
         Ok(runs)
     }
 
     fn check(&self) -> anyhow::Result<()> {
-        ensure!(!self.scenes.is_empty(), "there are no runs");
         for scene in &self.scenes {
             let n = scene.pass_1.len();
             ensure!(n > 0, "{} has no run of pass 1", scene.name);
@@ -178,6 +185,12 @@ impl Runs {
 }
 
 impl SceneRuns {
+    /// The runs of a mode at a size.
+    pub(crate) fn mode(&self, size: u32, mode: &str) -> Option<&ModeRuns> {
+        let size = self.sizes.iter().find(|s| s.size == size)?;
+        size.modes.iter().find(|m| m.mode == mode)
+    }
+
     fn add(&mut self, record: &Record) -> anyhow::Result<()> {
         let is_measured = record.run.round > 0;
         match &record.run.pass {
@@ -292,6 +305,7 @@ pub(crate) mod tests {
     pub(crate) fn records(scene: &str, sizes: &[u32], modes: &[&str], n_runs: u32) -> Vec<Record> {
         let record = |pass: Pass, round: u32, stats| Record {
             run: Run { scene: scene.into(), pass, round },
+            settings: Settings::usual(),
             key: "00".into(),
             command: format!("target/release/program {scene}"),
             outside: Outside { wall_seconds: 1.0, cpu_seconds: Some(1.0) },

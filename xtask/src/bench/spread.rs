@@ -2,8 +2,10 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
+
 /// A quantity over the measured runs.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Spread {
     pub(crate) median: f64,
     pub(crate) least: f64,
@@ -20,6 +22,12 @@ impl Spread {
             return Self { median: 0.0, least: 0.0, most: 0.0 };
         };
         Self { median: (values[n / 2] + values[(n - 1) / 2]) / 2.0, least, most }
+    }
+
+    /// The same in another unit.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let Self { median, least, most } = *self;
+        Self { median: median * factor, least: least * factor, most: most * factor }
     }
 
     /// Half of the range, as a share of the median.

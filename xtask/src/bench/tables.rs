@@ -2,6 +2,7 @@
 
 use base::{Component, ImageSize};
 
+use crate::bench::bars;
 use crate::bench::paper::{Printed, PrintedSize, PrintedTimes, printed};
 use crate::bench::runs::{Clock, ModeRuns, Row, Runs, Saved, SceneRuns, SizeRuns};
 use crate::table::Table;
@@ -10,6 +11,7 @@ use crate::table::Table;
 pub(crate) fn tables(runs: &Runs, scene: &SceneRuns) -> Vec<Table> {
     let printed = printed(&scene.name);
     let mut tables = vec![times(runs, scene, Clock::Cpu)];
+    tables.extend(bars::table(runs, scene));
     tables.extend(printed.map(as_printed));
     tables.extend(printed.map(|printed| shares(scene, printed)));
     tables.push(times(runs, scene, Clock::Wall));
@@ -32,7 +34,7 @@ fn by_size_and_mode(caption: String, scene: &SceneRuns) -> Table {
     table
 }
 
-fn square(size: u32) -> String {
+pub(crate) fn square(size: u32) -> String {
     format!("{size}\u{d7}{size}")
 }
 

@@ -5,6 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use serde::Deserialize;
+
+use crate::bench::gallery::LAYERS;
 use crate::bench::report::tests::small_page;
 
 /// A Chromium, from the variable `CHROMIUM` or the search path.
@@ -18,20 +21,47 @@ fn browser() -> Option<PathBuf> {
     named.or_else(|| found.next())
 }
 
-/// The page after its own check, at a width of the window.
-fn checked(browser: &Path, page: &Path, profile: &Path, width: u32) -> String {
+/// What the page says of its own check: see `selfTest` in `page.js`.
+#[derive(Debug, Deserialize)]
+struct Outcome {
+    checks: BTreeMap<String, bool>,
+    /// By scene: rows, cells, and the texts in a cell.
+    pixels: BTreeMap<String, Vec<Vec<Vec<String>>>>,
+    errors: Vec<String>,
+    dark: bool,
+    width: u32,
+}
+
+/// Opens the page in a frame, since a window of its own can't be as narrow as a phone, and lets it check itself.
+fn checked(browser: &Path, folder: &Path, width: u32, is_dark: bool) -> Outcome {
+    let frame = folder.join("frame.html");
+    let html = format!(
+        "<!doctype html><body><script>\
+         addEventListener('message', (event) => {{\
+           const result = document.createElement('pre'); result.id = 'result'; result.textContent = event.data;\
+           document.body.append(result);\
+         }});</script>\
+         <iframe width=\"{width}\" height=\"900\" style=\"border: 0\" src=\"report.html#selftest\"></iframe>"
+    );
+    fs::write(&frame, html).unwrap();
     let output = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
         .args(["--no-first-run", "--disable-background-networking", "--disable-sync"])
+        .args(is_dark.then_some("--force-dark-mode"))
         .arg("--host-resolver-rules=MAP * ~NOTFOUND")
-        .arg(format!("--user-data-dir={}", profile.display()))
-        .arg(format!("--window-size={width},900"))
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg("--window-size=1400,1000")
         .args(["--virtual-time-budget=10000", "--dump-dom"])
-        .arg(format!("file://{}#selftest", page.display()))
+        .arg(format!("file://{}", frame.display()))
         .stderr(Stdio::null())
         .output()
         .unwrap();
-    String::from_utf8(output.stdout).unwrap()
+    let dom = String::from_utf8(output.stdout).unwrap();
+    let result =
+        dom.split("<pre id=\"result\">").nth(1).and_then(|rest| rest.split("</pre>").next());
+    let result = result.unwrap_or_else(|| panic!("{} wrote no result:\n{dom}", browser.display()));
+    let json = result.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    serde_json::from_str(&json).unwrap()
 }
 
 #[test]
@@ -43,20 +73,36 @@ fn slider_zoom_and_tables_work_in_a_browser() {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
-    let page = folder.path().join("report.html");
-    fs::write(&page, small_page(folder.path())).unwrap();
-    for width in [1280, 500] {
-        let dom = checked(&browser, &page, &folder.path().join("profile"), width);
-        let result = dom.split("<pre id=\"selftest\" hidden=\"\">").nth(1);
-        let result =
-            result.unwrap_or_else(|| panic!("{} wrote no result:\n{dom}", browser.display()));
-        let json = result.split("</pre>").next().unwrap().replace("&lt;", "<").replace("&gt;", ">");
-        let checks: BTreeMap<String, bool> =
-            serde_json::from_str(&json.replace("&amp;", "&")).unwrap();
-        let failed: Vec<_> =
-            checks.iter().filter(|(_, holds)| !**holds).map(|(name, _)| name).collect();
-        assert!(failed.is_empty(), "{width} pixels wide: {failed:?}");
-        // For each of two scenes eight uses of the viewer and seven tables, and two checks of the whole page.
-        assert_eq!(checks.len(), 2 * (8 + 7) + 2, "{checks:?}");
+    fs::write(folder.path().join("report.html"), small_page(folder.path())).unwrap();
+    for (width, is_dark) in [(1280, false), (1280, true), (390, false)] {
+        let outcome = checked(&browser, folder.path(), width, is_dark);
+        let Outcome { checks, pixels, errors, dark, .. } = &outcome;
+        let failed: Vec<_> = checks.iter().filter(|(_, holds)| !**holds).map(|c| c.0).collect();
+        let name = format!("{width} pixels wide, {}", if is_dark { "dark" } else { "light" });
+        assert!(failed.is_empty() && errors.is_empty(), "{name}: {failed:?}, {errors:?}");
+        assert_eq!((*dark, outcome.width), (is_dark, width));
+        // For each of two scenes six uses of the viewer and eight tables; seven colors, and four checks of the whole page.
+        assert_eq!(checks.len(), 2 * (6 + 8) + 7 + 4, "{checks:?}");
+        assert_eq!(pixels.len(), 2, "{pixels:?}");
+        pixels.values().for_each(|cells| check_pixel(cells));
+    }
+}
+
+/// Holds what the page tells of a pixel against the picture that was made up: see `gallery::tests::picture`.
+fn check_pixel(rows: &[Vec<Vec<String>>]) {
+    assert_eq!(rows[0], [vec![], vec!["original".to_owned()], vec!["adaptive".to_owned()]]);
+    for (i, row) in rows[1..].iter().enumerate() {
+        assert_eq!(row[0], [LAYERS[i]]);
+        // Pixel 12, 16 of 32 x 32 is 6, 8 of 16 x 16.
+        let expected = [i as f64 * 0.1, 6.0 / 100.0, 8.0 / 50.0];
+        for (cell, how) in row[1..]
+            .iter()
+            .zip(["traced, as every pixel", "traced: no neighbors on its surface, step 8"])
+        {
+            let told: Vec<f64> = cell[0].split(", ").map(|n| n.parse().unwrap()).collect();
+            let is_close = |(told, expected): (&f64, f64)| (told - expected).abs() < 0.002;
+            assert!(told.len() == 3 && told.iter().zip(expected).all(is_close), "{cell:?}");
+            assert_eq!(cell[1], how);
+        }
     }
 }
