@@ -54,39 +54,36 @@ impl Lattice {
     /// Compares all pixels with their neighbours. Pixels without a site take no part.
     pub fn new(sites: &Grid<Option<SurfacePoint>>, coarsest: u32) -> Self {
         let size = sites.size();
-        let values = sites.values();
-        let width = size.width as usize;
-        let masks = (0..values.len())
-            .into_par_iter()
+        let (width, height) = (i64::from(size.width), i64::from(size.height));
+        // What the comparisons read, ready for them.
+        let points: Vec<Point> = (sites.values().par_iter())
             .with_min_len(4096)
-            .map(|i| {
-                let Some(site) = &values[i] else { return 0 };
-                let (x, y) = ((i % width) as u32, (i / width) as u32);
-                let (h, rank) = rank(x, y);
-                if h >= coarsest {
-                    return 0;
+            .map(|site| site.as_ref().map_or(Point::NONE, Point::new))
+            .collect();
+        let mut masks = vec![0; points.len()];
+        masks.par_chunks_mut(size.width as usize).enumerate().for_each(|(y, masks)| {
+            for (x, mask) in masks.iter_mut().enumerate() {
+                let i = y as i64 * width + x as i64;
+                let point = &points[i as usize];
+                let (h, rank) = rank(x as u32, y as u32);
+                if h >= coarsest || point.is_none() {
+                    continue;
                 }
-                let mut mask = 0;
+                let (x, y, h) = (x as i64, y as i64, i64::from(h));
                 for (line, (dx, dy)) in lines(rank).into_iter().enumerate() {
-                    for (bit, steps) in [-1_i64, 1, -3, 3].into_iter().enumerate() {
-                        let (nx, ny) = (
-                            i64::from(x) + dx * steps * i64::from(h),
-                            i64::from(y) + dy * steps * i64::from(h),
-                        );
-                        let inside = (0..i64::from(size.width)).contains(&nx)
-                            && (0..i64::from(size.height)).contains(&ny);
-                        if inside
-                            && let Some(other) = &values[ny as usize * width + nx as usize]
-                            && same_surface(site, other)
+                    for (bit, steps) in [-h, h, -3 * h, 3 * h].into_iter().enumerate() {
+                        let (nx, ny) = (x + dx * steps, y + dy * steps);
+                        if (0..width).contains(&nx)
+                            && (0..height).contains(&ny)
+                            && point.shares_surface(&points[(ny * width + nx) as usize])
                         {
-                            mask |= 1 << (4 * line + bit);
+                            *mask |= 1 << (4 * line + bit);
                         }
                     }
                 }
-                mask
-            })
-            .collect();
-        Self { size, has_site: values.iter().map(Option::is_some).collect(), masks }
+            }
+        });
+        Self { size, has_site: points.iter().map(|p| !p.is_none()).collect(), masks }
     }
 
     /// Width and height.
@@ -112,9 +109,38 @@ impl Lattice {
 /// Whether two points lie on the same smooth surface, so that irradiance varies smoothly between them.
 #[inline]
 pub fn same_surface(a: &SurfacePoint, b: &SurfacePoint) -> bool {
-    let (na, nb) = (Vec3A::from(a.normal), Vec3A::from(b.normal));
-    let between = Vec3A::from(b.position) - Vec3A::from(a.position);
-    let limit2 = between.length_squared() * (MAX_SINE_HEIGHT * MAX_SINE_HEIGHT);
-    let (from_a, from_b) = (na.dot(between), nb.dot(between));
-    na.dot(nb) > MIN_COS_NORMALS && from_a * from_a <= limit2 && from_b * from_b <= limit2
+    Point::new(a).shares_surface(&Point::new(b))
+}
+
+/// A site, or nothing.
+#[derive(Clone, Copy)]
+struct Point {
+    position: Vec3A,
+    /// Zero for nothing, which shares no surface.
+    normal: Vec3A,
+}
+
+impl Point {
+    const NONE: Self = Self { position: Vec3A::ZERO, normal: Vec3A::ZERO };
+
+    #[inline]
+    fn new(site: &SurfacePoint) -> Self {
+        Self { position: site.position.into(), normal: site.normal.into() }
+    }
+
+    #[inline]
+    fn is_none(&self) -> bool {
+        self.normal == Vec3A::ZERO
+    }
+
+    #[inline]
+    fn shares_surface(&self, other: &Self) -> bool {
+        let between = other.position - self.position;
+        let limit2 = between.length_squared() * (MAX_SINE_HEIGHT * MAX_SINE_HEIGHT);
+        let (from_self, from_other) = (self.normal.dot(between), other.normal.dot(between));
+        // Without branches, which would be guessed wrong at every edge.
+        (self.normal.dot(other.normal) > MIN_COS_NORMALS)
+            & (from_self * from_self <= limit2)
+            & (from_other * from_other <= limit2)
+    }
 }

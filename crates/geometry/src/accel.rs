@@ -154,9 +154,11 @@ impl Accel {
         let skipped = self.skipped(ray);
         let sheared = self.sheared(ray);
         let mut nearest = RayHit::none();
-        let found = self.bvh.ray_traverse(self.slab_ray(ray, skipped), &mut nearest, |_, slot| {
-            (self.primitives[slot].intersect(&sheared) - skipped) as f32
-        });
+        let found =
+            self.bvh.ray_traverse(self.slab_ray(ray, skipped), &mut nearest, |ray, slot| {
+                let t_max = ray.tmax + skipped as f32;
+                (self.primitives[slot].intersect(&sheared, t_max) - skipped) as f32
+            });
         found.then(|| Hit {
             t: ((f64::from(nearest.t) + skipped) as f32) / self.scale,
             slot: nearest.primitive_id,
@@ -168,15 +170,18 @@ impl Accel {
     pub fn occluded(&self, ray: &Ray) -> bool {
         let skipped = self.skipped(ray);
         let sheared = self.sheared(ray);
+        let t_max = ray.t_max() * self.scale;
         !self.bvh.ray_traverse_miss(self.slab_ray(ray, skipped), |_, slot| {
-            (self.primitives[slot].intersect(&sheared) - skipped) as f32
+            (self.primitives[slot].intersect(&sheared, t_max) - skipped) as f32
         })
     }
 
     /// The ray that primitives are tested against, in scaled units.
     #[inline]
     fn sheared(&self, ray: &Ray) -> ShearedRay {
-        ShearedRay::new(ray.origin() * self.scale, ray.dir())
+        let origin = ray.origin() * self.scale;
+        let reach = (origin - self.center).abs().max_element() + self.radius;
+        ShearedRay::new(origin, ray.dir(), reach)
     }
 
     /// How much of a ray passes through nothing, in scaled units, if it starts far away. The farther a box is, the more
@@ -209,9 +214,9 @@ impl Accel {
         let primitive = &self.primitives[hit.slot as usize];
         match primitive.shape() {
             Shape::Triangle { id } => {
-                let corners = primitive.corners().map(|p| p.as_dvec3());
-                let weights = ray.weights(corners);
-                let [a, b, c] = corners;
+                let [a, b, c] = primitive.corners();
+                let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+                let weights = ray.weights([a, b, c]);
                 let normal = (b - a).cross(c - a).normalize();
                 let position = a * weights.x + b * weights.y + c * weights.z;
                 let largest = a.abs().max(b.abs()).max(c.abs());

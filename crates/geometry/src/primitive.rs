@@ -1,42 +1,57 @@
 //! One ray against one primitive.
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{BVec4A, DVec3, Vec3, Vec3A, Vec4, Vec4Swizzles};
 use obvhs::aabb::Aabb;
 
 /// A triangle or a sphere, as the traversal meets it.
 ///
-/// A sphere is marked by the highest bit of `id`; its center is the first corner, its radius the x of the second.
+/// The first three lanes of each vector are one coordinate of the corners. The bits of the last lane of x are the id,
+/// its highest bit marks a sphere; of that the first lane is the center, and the second lane of x the radius.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Primitive {
-    corners: [Vec3; 3],
-    id: u32,
+    coordinates: [Vec4; 3],
 }
 
 const SPHERE: u32 = 1 << 31;
 
 impl Primitive {
-    pub(crate) fn triangle(corners: [Vec3; 3], id: u32) -> Self {
+    pub(crate) fn triangle([a, b, c]: [Vec3; 3], id: u32) -> Self {
         assert!(id & SPHERE == 0, "at most 2^31 triangles");
-        Self { corners, id }
+        Self {
+            coordinates: [
+                Vec4::new(a.x, b.x, c.x, f32::from_bits(id)),
+                Vec4::new(a.y, b.y, c.y, 0.0),
+                Vec4::new(a.z, b.z, c.z, 0.0),
+            ],
+        }
     }
 
     pub(crate) fn sphere(center: Vec3, radius: f32, id: u32) -> Self {
-        Self { corners: [center, Vec3::new(radius, 0.0, 0.0), Vec3::ZERO], id: id | SPHERE }
+        Self {
+            coordinates: [
+                Vec4::new(center.x, radius, 0.0, f32::from_bits(id | SPHERE)),
+                Vec4::new(center.y, 0.0, 0.0, 0.0),
+                Vec4::new(center.z, 0.0, 0.0, 0.0),
+            ],
+        }
+    }
+
+    fn bits(&self) -> u32 {
+        self.coordinates[0].w.to_bits()
     }
 
     pub(crate) fn corners(&self) -> [Vec3; 3] {
-        self.corners
+        let [x, y, z] = self.coordinates;
+        [Vec3::new(x.x, y.x, z.x), Vec3::new(x.y, y.y, z.y), Vec3::new(x.z, y.z, z.z)]
     }
 
     pub(crate) fn shape(&self) -> Shape {
-        if self.id & SPHERE == 0 {
-            Shape::Triangle { id: self.id }
+        let id = self.bits();
+        if id & SPHERE == 0 {
+            Shape::Triangle { id }
         } else {
-            Shape::Sphere {
-                id: self.id & !SPHERE,
-                center: self.corners[0],
-                radius: self.corners[1].x,
-            }
+            let [x, y, z] = self.coordinates;
+            Shape::Sphere { id: id & !SPHERE, center: Vec3::new(x.x, y.x, z.x), radius: x.y }
         }
     }
 
@@ -44,7 +59,7 @@ impl Primitive {
     pub(crate) fn aabb(&self, margin: f32) -> Aabb {
         let (min, max) = match self.shape() {
             Shape::Triangle { .. } => {
-                let [a, b, c] = self.corners;
+                let [a, b, c] = self.corners();
                 (a.min(b).min(c), a.max(b).max(c))
             }
             Shape::Sphere { center, radius, .. } => (center - radius, center + radius),
@@ -52,13 +67,22 @@ impl Primitive {
         Aabb::new(Vec3A::from(min - margin), Vec3A::from(max + margin))
     }
 
-    /// The distance at which the ray meets the primitive, or infinity. Only what lies ahead is met.
+    /// The distance at which the ray meets the primitive, or infinity. Only what lies ahead is met; what surely lies
+    /// beyond `t_max` need not be found.
     #[inline(always)]
-    pub(crate) fn intersect(&self, ray: &ShearedRay) -> f64 {
-        let t = if self.id & SPHERE == 0 {
-            ray.triangle(&self.corners)
+    pub(crate) fn intersect(&self, ray: &ShearedRay, t_max: f32) -> f64 {
+        let t = if self.bits() & SPHERE == 0 {
+            if ray.surely_misses_triangle(&self.coordinates, t_max) {
+                return f64::INFINITY;
+            }
+            ray.triangle(&self.corners())
         } else {
-            ray.sphere(self.corners[0].as_dvec3(), self.corners[1].x.into())
+            let [x, y, z] = self.coordinates;
+            let (center, radius) = (Vec3A::new(x.x, y.x, z.x), x.y);
+            if ray.surely_misses_sphere(center, radius) {
+                return f64::INFINITY;
+            }
+            ray.sphere(center.as_dvec3(), radius.into())
         };
         if t > 0.0 { t } else { f64::INFINITY }
     }
@@ -76,18 +100,38 @@ pub(crate) enum Shape {
 ///
 /// The tests run in double precision, in which numbers of single precision are multiplied without rounding. So
 /// triangles of any size find their distance to the origin of a ray as it is, however close, and no ray needs a
-/// minimal distance.
+/// minimal distance. Before them stands a test in single precision that refuses what is missed beyond its rounding
+/// errors, which is most of what a ray comes by; it changes no result.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShearedRay {
     origin: DVec3,
     dir: DVec3,
     axes: [usize; 3],
     shear: [f64; 2],
+    rough: Rough,
 }
 
+/// The same in single precision.
+#[derive(Clone, Copy, Debug)]
+struct Rough {
+    /// In the order of the axes.
+    origin: [f32; 3],
+    shear: [f32; 2],
+    /// Of the direction along z.
+    speed: f32,
+    /// No corner's difference to the origin has been rounded by more.
+    rounding: f32,
+    whole_origin: Vec3A,
+    dir: Vec3A,
+}
+
+/// Half a unit in the last place of 1 in single precision.
+const EPSILON: f32 = f32::EPSILON / 2.0;
+
 impl ShearedRay {
+    /// A ray among primitives none of which lies farther from its origin than `reach`, along any axis.
     #[inline]
-    pub(crate) fn new(origin: Vec3A, dir: Vec3A) -> Self {
+    pub(crate) fn new(origin: Vec3A, dir: Vec3A, reach: f32) -> Self {
         let size = dir.abs();
         let z = if size.x > size.y && size.x > size.z {
             0
@@ -97,15 +141,74 @@ impl ShearedRay {
             2
         };
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        let (whole_origin, rough_dir) = (origin, dir);
         let dir = dir.as_dvec3();
         let shear = [dir[x] / dir[z], dir[y] / dir[z]];
-        Self { origin: origin.as_dvec3(), dir, axes: [x, y, z], shear }
+        let rough = Rough {
+            origin: [origin[x], origin[y], origin[z]],
+            shear: [shear[0] as f32, shear[1] as f32],
+            speed: rough_dir[z],
+            rounding: reach * EPSILON,
+            whole_origin,
+            dir: rough_dir,
+        };
+        Self { origin: origin.as_dvec3(), dir, axes: [x, y, z], shear, rough }
+    }
+
+    /// Whether [`ShearedRay::triangle`] finds no distance between 0 and `t_max`, beyond doubt.
+    ///
+    /// With `e` half a unit in the last place and no corner farther than `D`, a sheared coordinate is wrong by at most
+    /// `e (|dx| + 3 |dz| + |x|) <= 6 e D`, so a product of two, `p q`, by `6 e D (|p| + |q|) + e |p q|`, and an edge, the
+    /// difference of two products, by `9 e D` times the sum of its four coordinates. We allow `12 e D`.
+    #[inline(always)]
+    fn surely_misses_triangle(&self, coordinates: &[Vec4; 3], t_max: f32) -> bool {
+        const CORNERS: u32 = 0b111;
+        let Rough { origin, shear, speed, rounding, .. } = self.rough;
+        let [x, y, z] = self.axes;
+        let dz = coordinates[z] - origin[2];
+        let px = (coordinates[x] - origin[0]) - dz * shear[0];
+        let py = (coordinates[y] - origin[1]) - dz * shear[1];
+        let bits = |mask: BVec4A| mask.bitmask() & CORNERS;
+
+        // All corners behind the origin, or all beyond the end.
+        let ahead = dz * speed.signum();
+        if bits(ahead.cmplt(Vec4::splat(-2.0 * rounding))) == CORNERS
+            || bits(
+                ahead.cmpgt(Vec4::splat(
+                    t_max * speed.abs() * (1.0 + 4.0 * EPSILON) + 2.0 * rounding,
+                )),
+            ) == CORNERS
+        {
+            return true;
+        }
+
+        let (px1, py1) = (px.zxyw(), py.zxyw());
+        let (px2, py2) = (px.yzxw(), py.yzxw());
+        let edges = px1 * py2 - py1 * px2;
+        let doubt = (px1.abs() + py1.abs() + px2.abs() + py2.abs()) * (12.0 * rounding);
+        bits(edges.cmpgt(doubt)) != 0 && bits(edges.cmplt(-doubt)) != 0
+    }
+
+    /// Whether [`ShearedRay::sphere`] finds no distance above 0, beyond doubt: the square of the ray's distance from the
+    /// center is wrong by less than 32 half units in the last place of that of the origin's.
+    #[inline(always)]
+    fn surely_misses_sphere(&self, center: Vec3A, radius: f32) -> bool {
+        let f = self.rough.whole_origin - center;
+        let b = -f.dot(self.rough.dir);
+        let doubt = 32.0 * EPSILON * f.length_squared();
+        let beside = (f + self.rough.dir * b).length_squared() > radius * radius + doubt;
+        let behind = b < 0.0 && b * b > doubt && f.length_squared() > radius * radius + doubt;
+        beside || behind
     }
 
     /// The distance of a triangle, of either sign; infinite or not a number if it is missed.
     #[inline(always)]
     fn triangle(&self, corners: &[Vec3; 3]) -> f64 {
-        let [a, b, c] = corners.map(|p| p.as_dvec3() - self.origin);
+        // Written out, here and below, since the compiler doesn't unroll `map` over arrays of this size.
+        let [a, b, c] = *corners;
+        let a = a.as_dvec3() - self.origin;
+        let b = b.as_dvec3() - self.origin;
+        let c = c.as_dvec3() - self.origin;
         let [u, v, w] = self.edges([a, b, c]);
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return f64::INFINITY;
@@ -122,19 +225,22 @@ impl ShearedRay {
     /// Triangles that share an edge find the same number there but for its sign. Differences of rounded products never
     /// have the wrong sign, only none, so that around a corner, too, at least one triangle is hit.
     #[inline(always)]
-    fn edges(&self, corners: [DVec3; 3]) -> [f64; 3] {
+    fn edges(&self, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
         let [x, y, z] = self.axes;
-        let [a, b, c] = corners.map(|p| {
+        let sheared = |p: DVec3| {
             let p = p.to_array();
             [p[x] - self.shear[0] * p[z], p[y] - self.shear[1] * p[z]]
-        });
+        };
+        let (a, b, c) = (sheared(a), sheared(b), sheared(c));
         let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
         [cross(c, b), cross(a, c), cross(b, a)]
     }
 
     /// The weights of the corners of a triangle that the ray hits.
-    pub(crate) fn weights(&self, corners: [DVec3; 3]) -> DVec3 {
-        let weights = DVec3::from(self.edges(corners.map(|p| p - self.origin)));
+    #[inline]
+    pub(crate) fn weights(&self, [a, b, c]: [DVec3; 3]) -> DVec3 {
+        let corners = [a - self.origin, b - self.origin, c - self.origin];
+        let weights = DVec3::from(self.edges(corners));
         weights / weights.element_sum()
     }
 
@@ -171,7 +277,7 @@ mod tests {
         for _ in 0..10_000 {
             let mut point = || warp::uniform_sphere(rng.next_2d()).as_dvec3();
             let [a, b, c, d] = [point(), point(), point(), point()];
-            let ray = ShearedRay::new(Vec3A::ZERO, point().as_vec3a().normalize());
+            let ray = ShearedRay::new(Vec3A::ZERO, point().as_vec3a().normalize(), 1.0);
             // Opposite to c in one triangle and to d in the other lies the edge from a to b.
             assert_eq!(ray.edges([a, b, c])[2], -ray.edges([b, a, d])[2]);
             assert_eq!(ray.edges([a, b, c])[2], ray.edges([d, a, b])[0]);
@@ -181,7 +287,9 @@ mod tests {
     #[test]
     fn spheres_are_met_from_outside_inside_and_behind() {
         let sphere = Primitive::sphere(Vec3::new(0.0, 0.0, 5.0), 2.0, 0);
-        let t = |z: f32, dir| sphere.intersect(&ShearedRay::new(Vec3A::Z * z, dir));
+        let t = |z: f32, dir| {
+            sphere.intersect(&ShearedRay::new(Vec3A::Z * z, dir, 10.0), f32::INFINITY)
+        };
         assert_eq!(t(0.0, Vec3A::Z), 3.0);
         assert_eq!(t(4.0, Vec3A::Z), 3.0);
         assert_eq!(t(4.0, -Vec3A::Z), 1.0);

@@ -100,9 +100,9 @@ impl Direct {
     /// All that is known of direct light, for good.
     pub(crate) fn record(&self, view: &View, set: &mut RecordSet) {
         let point = |layer_level: u8, i: usize| {
-            let spacing = (1_u32 << layer_level) as f32;
-            let reach = spacing / view.pixels_per_unit(i);
-            Some(RecordPoint { surface: view.sites.values()[i]?, reach })
+            let surface = view.sites.values()[i]?;
+            let reach = (1_u32 << layer_level) as f32 * view.footprint(&surface);
+            Some(RecordPoint { surface, reach })
         };
         let of_light = |cached: &CachedLight| {
             let layer = &cached.visibility;

@@ -62,7 +62,9 @@ impl Indirect {
             layer.reasons[i] = reason;
             layer.levels[i] = COARSEST.trailing_zeros() as u8;
             reach[view.cell(i)] = radius;
-            radius_of_cell[view.cell(i)] = radius * view.pixels_per_unit(i);
+            if let Some(site) = &view.sites[pixel] {
+                radius_of_cell[view.cell(i)] = radius / view.footprint(site);
+            }
             ambient[view.cell(i)] = irradiance.luminance();
             sum += f64::from(irradiance.luminance() * view.gain(i));
         }
@@ -77,11 +79,12 @@ impl Indirect {
     /// All that is known of indirect light, for good.
     pub(crate) fn records(&self, view: &View) -> Records<Rgb> {
         self.source.with(&self.layer, |i| {
+            let surface = view.sites.values()[i]?;
             let reach = match self.reach[view.cell(i)] {
-                0.0 => COARSEST as f32 / view.pixels_per_unit(i),
+                0.0 => COARSEST as f32 * view.footprint(&surface),
                 reach => reach,
             };
-            Some(RecordPoint { surface: view.sites.values()[i]?, reach })
+            Some(RecordPoint { surface, reach })
         })
     }
 

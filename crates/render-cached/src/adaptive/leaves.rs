@@ -4,6 +4,8 @@
 //! primary view. The others form pictures of their own, one for each sequence of reflections and transmissions (what a
 //! mirror shows, what is seen through two sides of a glass ...), which are refined like the primary view.
 
+use std::collections::BTreeMap;
+
 use base::{Component, Grid, ImageSize, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{
     Lattice, Layer, Reason, RecordPoint, Records, Rule, SurfacePoint, Tolerance, same_surface,
@@ -54,7 +56,7 @@ impl Leaf {
 /// All specular chains of a picture.
 #[derive(Debug)]
 pub(crate) struct Leaves {
-    /// Sorted by path, then by pixel.
+    /// Sorted by path; those of a path in the order in which pixels are visited.
     leaves: Vec<Leaf>,
     /// Irradiance at the leaves that were traced, and why.
     traced: Vec<Option<(Rgb, Reason)>>,
@@ -91,14 +93,16 @@ impl Leaves {
             });
             (emitted, leaves)
         })?;
-        let mut leaves = Vec::with_capacity(chains.iter().map(|c| c.1.len()).sum());
         let mut emitted = Grid::from_fn(size, |_| Rgb::BLACK);
+        let mut by_path = BTreeMap::<u64, Vec<Leaf>>::new();
         for (&pixel, (sum, ends)) in pixels.iter().zip(chains) {
             emitted[pixel] = sum;
             let pixel = size.index(pixel) as u32;
-            leaves.extend(ends.into_iter().map(|leaf| Leaf { pixel, ..leaf }));
+            for leaf in ends {
+                by_path.entry(leaf.path).or_default().push(Leaf { pixel, ..leaf });
+            }
         }
-        leaves.sort_unstable_by_key(|leaf| (leaf.path, leaf.pixel));
+        let leaves: Vec<Leaf> = by_path.into_values().flatten().collect();
         let traced = vec![None; leaves.len()];
         let source = saved.source(&saved.set.leaves);
         Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, source })

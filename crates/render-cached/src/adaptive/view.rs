@@ -2,7 +2,9 @@
 
 use base::{Grid, ImageSize, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{Lattice, SurfacePoint};
+use glam::Vec3A;
 use rayon::prelude::*;
+use scene::Camera;
 
 use super::COARSEST;
 use super::records::Place;
@@ -15,41 +17,31 @@ pub(crate) struct View {
     pub(crate) sites: Grid<Option<SurfacePoint>>,
     pub(crate) lattice: Lattice,
     albedo: Vec<Rgb>,
-    /// Pixels that a unit of length on the surface spans.
-    pixels_per_unit: Vec<f32>,
+    camera: Camera,
 }
 
 impl View {
     pub(crate) fn new(frame: &Frame<'_>) -> Self {
         let size = frame.size();
-        let camera = &frame.shader().scene.camera;
-        let pixel_angle = camera.pixel_extent(size);
-        let eye = camera.origin();
         let scene = frame.shader().scene;
-        let found: Vec<_> = (frame.surfaces().values().par_iter())
+        let eye = scene.camera.origin();
+        let (sites, albedo): (Vec<_>, Vec<_>) = (frame.surfaces().values().par_iter())
             .with_min_len(4096)
-            .map(|surface| {
-                let surface = surface.as_ref()?;
-                if !scene.material(surface).is_diffuse() {
-                    return None;
+            .map(|surface| match surface {
+                Some(surface) if scene.material(surface).is_diffuse() => {
+                    let facing = surface.facing(eye - surface.position);
+                    let site = SurfacePoint {
+                        position: facing.position.into(),
+                        normal: facing.shading_normal.into(),
+                    };
+                    (Some(site), scene.albedo(surface))
                 }
-                let to_eye = eye - surface.position;
-                let facing = surface.facing(to_eye);
-                let site = SurfacePoint {
-                    position: facing.position.into(),
-                    normal: facing.shading_normal.into(),
-                };
-                // A slanted surface is foreshortened one way only: the mean of both ways is the root.
-                let slant = (facing.shading_normal.dot(to_eye) / to_eye.length()).clamp(0.02, 1.0);
-                let depth = camera.depth(facing.position).max(f32::MIN_POSITIVE);
-                Some((site, scene.albedo(surface), slant.sqrt() / (depth * pixel_angle)))
+                _ => (None, Rgb::BLACK),
             })
-            .collect();
-        let sites = Grid::from_values(size, found.iter().map(|f| f.map(|f| f.0)).collect());
+            .unzip();
+        let sites = Grid::from_values(size, sites);
         let lattice = Lattice::new(&sites, COARSEST);
-        let albedo = found.iter().map(|f| f.map_or(Rgb::BLACK, |f| f.1)).collect();
-        let pixels_per_unit = found.iter().map(|f| f.map_or(0.0, |f| f.2)).collect();
-        Self { size, sites, lattice, albedo, pixels_per_unit }
+        Self { size, sites, lattice, albedo, camera: scene.camera }
     }
 
     pub(crate) fn size(&self) -> ImageSize {
@@ -66,14 +58,20 @@ impl View {
         self.albedo[index].luminance() * FRAC_1_PI
     }
 
-    pub(crate) fn pixels_per_unit(&self, index: usize) -> f32 {
-        self.pixels_per_unit[index]
+    /// The length on a surface that a pixel spans.
+    pub(crate) fn footprint(&self, site: &SurfacePoint) -> f32 {
+        let (position, normal) = (Vec3A::from(site.position), Vec3A::from(site.normal));
+        let to_eye = self.camera.origin() - position;
+        // A slanted surface is foreshortened one way only: the mean of both ways is the root.
+        let slant = (normal.dot(to_eye) / to_eye.length()).clamp(0.02, 1.0);
+        let depth = self.camera.depth(position).max(f32::MIN_POSITIVE);
+        depth * self.camera.pixel_extent(self.size) / slant.sqrt()
     }
 
     /// The surface that a pixel shows, as records know it.
     pub(crate) fn place(&self, index: usize) -> Option<Place> {
         let surface = self.sites.values()[index]?;
-        Some(Place { surface, pixel: 1.0 / self.pixels_per_unit[index] })
+        Some(Place { surface, pixel: self.footprint(&surface) })
     }
 
     /// The pixels of the coarsest lattice that show a diffuse surface.
