@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 #![expect(clippy::print_stdout, reason = "with --nocapture, tests tell how far pictures are off")]
 
+mod adaptive;
 mod agreement;
 mod architecture;
 mod edges;

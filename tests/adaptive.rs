@@ -1,0 +1,9 @@
+//! Mode adaptive against mode original, on scenes that it wasn't made with.
+
+mod bad_cases;
+mod bench;
+mod cost;
+mod honesty;
+mod lights;
+mod rooms;
+mod shadows;

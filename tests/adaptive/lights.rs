@@ -1,0 +1,55 @@
+//! Many lights.
+
+use super::bench::{Bench, metadata};
+
+/// A long hall seen from its end, lamps in rows close above the floor: of each a few pixels around see much.
+fn hall(n_lights: u32) -> String {
+    let mut scene = String::from(
+        r#"
+camera = { origin = [0, 6, 13], target = [0, 0, 0], fov = 42 }
+[materials.white]
+type = "diffuse"
+albedo = 0.7
+[[quads]]
+corner = [-5, 0, -5]
+edges = [[0, 0, 10], [10, 0, 0]]
+material = "white"
+[[spheres]]
+center = [1, 0.4, 1]
+radius = 0.4
+material = "white"
+[[boxes]]
+min = [-2, 0, -1]
+max = [-1.2, 0.7, 0]
+material = "white"
+"#,
+    );
+    let columns = f64::from(n_lights).sqrt().ceil() as u32;
+    let spacing = 10.0 / columns as f32;
+    // The same light in all, however many there are.
+    let emission = 2.0 * 100.0 / (n_lights as f32 * 0.01);
+    for i in 0..n_lights {
+        let [x, z] = [i % columns, i / columns].map(|k| (k as f32 + 0.45) * spacing - 5.0);
+        scene += &format!(
+            "[materials.lamp{i}]\ntype = \"diffuse\"\nalbedo = 0\nemission = {emission}\n\
+             [[quads]]\ncorner = [{x}, 0.9, {z}]\nedges = [[0.1, 0, 0], [0, 0, 0.1]]\nmaterial = \"lamp{i}\"\n"
+        );
+    }
+    scene
+}
+
+#[test]
+fn many_lights_cost_less_than_in_the_original() {
+    for n in [1, 10, 300] {
+        let pair = Bench::of_text(&hall(n), "20K").both("--resolution 128x128 --shadow-rays 8");
+        let of = |p| metadata(p)["rays"]["shadow"].as_u64().unwrap();
+        let (ours, theirs) = (of(&pair.adaptive), of(&pair.original));
+        let flip = pair.difference("").flip;
+        println!("{n} lights: {ours} shadow rays, {theirs} in mode original; {flip:?}");
+        if flip.mean > 0.02 {
+            let folder = pair.show(&format!("adaptive-{n}-lights"), "");
+            panic!("{n} lights: {flip:?}, see {}", folder.display());
+        }
+        assert!(4 * ours < 3 * theirs, "{n} lights: {ours} shadow rays instead of {theirs}");
+    }
+}
