@@ -11,6 +11,7 @@ const ONLY: &[(&str, &[&str])] = &[
     ("clap", &["cli", "photon-build", "pipeline-tests", "render-cached", "xtask"]),
     ("ctrlc", &["cli"]),
     ("exr", &["film"]),
+    ("image", &["scene"]),
     ("indicatif", &["cli"]),
     ("libm", &["base", "scene"]),
     ("memmap2", &["mapfile"]),

@@ -39,5 +39,6 @@ pub use format::Format;
 pub use magma::flip_picture;
 pub use picture::Picture;
 pub use read_exr::{read_exr, read_rgb};
+pub use srgb::decode as decode_srgb;
 pub use write_exr::write_exr;
 pub use write_png::write_png;

@@ -20,9 +20,9 @@ pub(crate) fn encode(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * pow(linear, 1.0 / 2.4) - 0.055 }
 }
 
-/// The linear light of an sRGB value, both in [0, 1].
+/// The linear light of an sRGB value, both in [0, 1] (IEC 61966-2-1).
 #[inline]
-pub(crate) fn decode(srgb: f32) -> f32 {
+pub fn decode(srgb: f32) -> f32 {
     if srgb <= 0.04045 { srgb / 12.92 } else { pow((srgb + 0.055) / 1.055, 2.4) }
 }
 

@@ -2,6 +2,7 @@
 
 mod assembly;
 mod enclosure;
+mod image;
 mod keys;
 mod lights;
 mod lines;
@@ -52,7 +53,13 @@ pub struct Loaded {
 /// fov = 40                 # whole angle of view
 /// fov_axis = "x"           # across the width, which is the default; "y": the height; "smaller", "larger": that side
 ///
-/// [textures.NAME]
+/// [textures.NAME]          # one of the two types
+/// type = "bitmap"
+/// file = "wood.png"        # or .jpg, .tga, .bmp, .hdr, .exr; at most 32768 texels a side, and 2^26 in all
+/// raw = true               # take integers as linear values, not as sRGB; false is the default
+/// filter = "nearest"       # "bilinear" is the default
+/// wrap = "mirror"          # beyond the unit square; or "clamp"; "repeat" is the default
+///
 /// type = "checkerboard"    # the unit square in four, of two colors, repeated
 /// colors = [0.2, [0.8, 0.7, 0.6]] # the first takes the square that touches (0, 0)
 /// scale = [4, 4]           # what texture coordinates are multiplied with before they are looked up; [1, 1] is the default
@@ -138,10 +145,12 @@ pub struct Loaded {
 ///
 /// OBJ: polygons of any shape, normals if all corners of an object have them. Of MTL, `illum` 0, 1 and 2 are diffuse
 /// (`Kd`), 3, 5 and 8 mirrors (`Ks`) with a diffuse part (`Kd`), 4, 6, 7 and 9 glass (`Ni`); `Ke` is emission. Ambient
-/// light (`Ka`) means nothing to a renderer of global illumination; textures, highlights, and transparency by `d` bring
-/// warnings. `Pr` is the roughness of mirrors and glass. Such materials are named `MESH/NAME`.
+/// light (`Ka`) means nothing to a renderer of global illumination; highlights, transparency by `d`, and textures other than
+/// `map_Kd` bring warnings. What `map_Kd` is multiplied with is `Kd`, or 1 if there is none; texture coordinates are
+/// multiplied by its `-s` and moved by its `-o`, and `-clamp on` holds them in the unit square. `Pr` is the roughness of mirrors and
+/// glass. Such materials are named `MESH/NAME`.
 ///
-/// PLY: ASCII and binary; vertices with `x y z`, `nx ny nz`; faces with `vertex_indices`.
+/// PLY: ASCII and binary; vertices with `x y z`, `nx ny nz`, and `u v`, `s t` or `texture_u texture_v`; faces with `vertex_indices`.
 ///
 /// Triangles without area and copies of others are dropped with a warning. Glass must be closed: where it isn't, a
 /// warning counts the open edges. Glass that is inside out is turned around.

@@ -53,9 +53,9 @@ cone_angle = 30
 "#;
 
 const OBJ: &str = "# an object\nmtllib a.mtl\no thing\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1\nvt 0 0\nvn 0 0 1\n\
-    vn 1 0 0\nusemtl red\nf 1/1/1 2/1/1 3/1/2 4//1\ng more\ns off\nusemtl mirror\nf -1 -2 \\\n -3\nf 1 2 5 # top\n";
+    vn 1 0 0\nusemtl red\nf 1/1/1 2/1/1 3/1/2 4/1/1\ng more\ns off\nusemtl mirror\nf -1 -2 \\\n -3\nf 1 2 5 # top\n";
 
-const MTL: &str = "newmtl red\nKd 0.5 0.25 0.125\nKs 0.5\nNs 10\nillum 2\nmap_Kd -s 1 1 a.png\nd 0.9\n\
+const MTL: &str = "newmtl red\nKd 0.5 0.25 0.125\nKs 0.5\nNs 10\nillum 2\nmap_Kd -s 1 1 a.tga\nd 0.9\n\
     newmtl mirror\nKd 0.1\nKs 0.9 0.8 0.7\nillum 3\nNi 1.5\nKe 0\n";
 
 fn ascii_ply() -> Vec<u8> {
@@ -170,6 +170,8 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
         ("a.mtl", MTL.into()),
         ("b.ply", ascii_ply()),
         ("c.ply", binary_ply(|b| b, "binary_little_endian")),
+        // Two texels of 24 bits.
+        ("a.tga", vec![0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 1, 0, 24, 0, 0, 0, 9, 7, 8, 255]),
     ]
 }
 
@@ -198,7 +200,7 @@ proptest! {
 
     #[test]
     fn damaged_files_give_one_line_or_a_scene(
-        which in 0_usize..5,
+        which in 0_usize..6,
         damages in proptest::collection::vec(damage(), 1..5),
     ) {
         let mut files = files();

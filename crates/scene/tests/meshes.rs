@@ -25,9 +25,14 @@ spheres = [{{ center = [0, -5, 0], radius = 1, material = "glass" }}]
 }
 
 fn load(keys: &str, files: &[(&str, &str)]) -> Result<Loaded, String> {
+    let files: Vec<_> = files.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
+    load_bytes(keys, &files)
+}
+
+fn load_bytes(keys: &str, files: &[(&str, &[u8])]) -> Result<Loaded, String> {
     let scene = mesh_scene(keys);
     let mut all = vec![("scene.toml", scene.as_bytes())];
-    all.extend(files.iter().map(|(name, text)| (*name, text.as_bytes())));
+    all.extend(files);
     load_files(&all)
 }
 
@@ -116,6 +121,36 @@ fn materials_of_a_mesh() {
     let surface = hit(&loaded.scene, [0.75, 0.75, 5.0], [0.0, 0.0, -1.0]).unwrap();
     assert_eq!(loaded.scene.material(&surface).name, "white");
     assert_eq!(loaded.scene.lights.len(), 1);
+}
+
+#[test]
+fn maps_color_meshes() {
+    // Two texels, black and white, as an uncompressed Targa from below.
+    let targa: &[u8] =
+        &[0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 1, 0, 24, 0, 0, 0, 0, 255, 255, 255];
+    let mtl = "newmtl a\nKd 0.5 0.25 1\nmap_Kd -o 0.5 t/m.tga\nnewmtl b\nmap_Kd -clamp on t\\m.tga\nnewmtl c\nKd 1\n";
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0.25 0\nvt 0.3 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 2/2 4/2 3/2\n";
+    let obj = format!("{obj}v 5 0 0\nv 5 1 0\nusemtl c\nf 2 5 6\n");
+    let files = [("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes()), ("t/m.tga", targa)];
+    let loaded = load_bytes("name = \"tile\", file = \"a.obj\"", &files).unwrap();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    let albedo = |x: f32, y: f32| {
+        let surface = hit(&loaded.scene, [x, y, 5.0], [0.0, 0.0, -1.0]).unwrap();
+        loaded.scene.albedo(&surface).to_array()
+    };
+    // The second texel's middle by the offset; a tenth of the way from the first to the second.
+    assert_eq!(albedo(0.2, 0.2), [0.5, 0.25, 1.0]);
+    assert!(albedo(0.8, 0.8).iter().all(|c| (c - 0.1).abs() < 1e-5), "{:?}", albedo(0.8, 0.8));
+    assert_eq!(albedo(2.0, 0.2), [1.0; 3]);
+    // Another texel makes another inventory, and says which.
+    let mut changed = targa.to_vec();
+    changed[20] = 7;
+    let files = [files[0], files[1], ("t/m.tga", &changed)];
+    let other = load_bytes("name = \"tile\", file = \"a.obj\"", &files).unwrap();
+    assert_eq!(
+        loaded.scene.inventory().changes(other.scene.inventory()),
+        ["texture `tile/map 1` changed", "texture `tile/map 2` changed"]
+    );
 }
 
 #[test]

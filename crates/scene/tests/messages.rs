@@ -266,7 +266,7 @@ fn faults_of_textures() {
     let cases = [
         ("colors", "colors", "no error; warnings: []"),
         ("type = \"checkerboard\"", "type = \"stripes\"",
-         "scene.toml:7:8: texture `tiles` has the unknown type \"stripes\"; the types are checkerboard"),
+         "scene.toml:7:8: texture `tiles` has the unknown type \"stripes\"; the types are bitmap and checkerboard"),
         ("colors = [0.5, 1]\n", "",
          "scene.toml:7:8: texture `tiles` of type \"checkerboard\" needs the key `colors`"),
         ("colors = [0.5, 1]", "colors = [0.5, -1]",
@@ -290,6 +290,25 @@ fn faults_of_textures() {
     ];
     for (from, to, expected) in cases {
         assert_eq!(textured(from, to), expected, "{to}");
+    }
+    let bitmap = |keys: &str| textured("type = \"checkerboard\"\ncolors = [0.5, 1]", keys);
+    #[rustfmt::skip]
+    let cases = [
+        ("type = \"bitmap\"",
+         "scene.toml:7:8: texture `tiles` of type \"bitmap\" needs the key `file`"),
+        ("type = \"bitmap\"\nfile = \"a.png\"",
+         "scene.toml:8:8: cannot read a.png: there is no such file"),
+        ("type = \"bitmap\"\nfile = \"scene.toml\"",
+         "scene.toml:8:8: the format of scene.toml is unknown; use .png, .jpg, .tga, .bmp, .hdr or .exr"),
+        ("type = \"bitmap\"\nfile = \"a.png\"\nfilter = \"cubic\"",
+         "scene.toml:9:10: the filter of texture `tiles` is \"cubic\"; it may be one of bilinear and nearest"),
+        ("type = \"bitmap\"\nfile = \"a.png\"\nwrap = \"zero\"",
+         "scene.toml:9:8: the wrap of texture `tiles` is \"zero\"; it may be one of repeat, mirror and clamp"),
+        ("type = \"bitmap\"\nfile = \"a.png\"\ncolors = [0, 1]",
+         "scene.toml:9:11: texture `tiles` of type \"bitmap\" takes no `colors`; its keys are file, raw, filter, wrap, scale, rotate and offset"),
+    ];
+    for (keys, expected) in cases {
+        assert_eq!(bitmap(keys), expected);
     }
 }
 

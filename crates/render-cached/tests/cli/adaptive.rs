@@ -99,6 +99,37 @@ fn small_occluders_keep_their_shadows() {
     assert!(flip.worst_block_8x8 <= 0.15 && flip.share_above_0_1 <= 0.0002, "{flip:?}");
 }
 
+/// Light is interpolated, and what reflects it isn't: edges of a texture cost nothing, and stay where they are.
+#[test]
+fn textures_stay_sharp() {
+    let plain = occluders(std::iter::once(
+        "[[spheres]]\ncenter = [0, 0.5, 0]\nradius = 0.5\nmaterial = \"white\"\n".into(),
+    ));
+    let textured = plain.replace(
+        "albedo = 0.7 }",
+        "albedo_texture = \"tiles\" }\ntextures.tiles = { type = \"checkerboard\", colors = [0.1, [0.9, 0.6, 0.3]], scale = [23, 29], rotate = 20 }",
+    );
+    let render = |scene: &str| {
+        let bench = Bench::of(scene);
+        let size =
+            "scene.toml --photons a.photons --resolution 320x320 --shadow-rays 64 --gather 50";
+        bench.run(&format!("{size} --mode original -o original.exr"));
+        bench.run(&format!("{size} --mode adaptive -o adaptive.exr --stats a.json"));
+        let traced = bench.json("a.json")["traced"]["direct"].as_u64().unwrap();
+        (difference(&bench, "adaptive.exr", "original.exr", "").flip, traced, bench)
+    };
+    let (_, n_plain, _) = render(&plain);
+    let (flip, n_textured, bench) = render(&textured);
+    assert!(flip.mean <= 0.013 && flip.worst_block_8x8 <= 0.15, "{flip:?}");
+    assert!(n_textured as f64 <= 1.3 * n_plain as f64, "{n_textured} instead of {n_plain}");
+    let [original, adaptive] =
+        ["original.exr", "adaptive.exr"].map(|name| bench.picture(name).rgb("Albedo").unwrap());
+    assert_eq!(original, adaptive);
+    let green: std::collections::BTreeSet<u32> =
+        adaptive.values().iter().map(|a| a.g.to_bits()).collect();
+    assert_eq!(green.len(), 2, "the two colors of the texture");
+}
+
 #[test]
 fn thin_rods_keep_their_shadows() {
     let rods = (0..12).map(|i| {

@@ -43,11 +43,19 @@ pub(super) fn add(
             let obj = obj::read(&path, &bytes()?, wanted)?;
             assembly.warnings.extend(obj.warnings);
             let first = assembly.materials.len();
+            let too_many = |what: &str| {
+                let fault = format!("too many {what}; use at most 65536");
+                source.fault(table.file.span(), fault)
+            };
+            let mut textures = Vec::new();
+            for (i, texture) in obj.textures.into_iter().enumerate() {
+                let id = assembly.add_texture(format!("{name}/map {}", i + 1), texture);
+                textures.push(id.ok_or_else(|| too_many("textures"))?);
+            }
             for mut own in obj.materials {
+                own.albedo_texture = own.albedo_texture.map(|id| textures[usize::from(id.0)]);
                 own.name = format!("{name}/{}", own.name);
-                assembly.add_material(own).ok_or_else(|| {
-                    source.fault(table.file.span(), "too many materials; use at most 65536")
-                })?;
+                assembly.add_material(own).ok_or_else(|| too_many("materials"))?;
             }
             let mut mesh = obj.mesh;
             for id in &mut mesh.materials {

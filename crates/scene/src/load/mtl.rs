@@ -3,6 +3,8 @@
 //! tobj panics on colors of fewer than three numbers, gives up a whole library for one odd line, and takes NaN: every
 //! line is checked, and written anew, before tobj sees it.
 
+mod map;
+
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -11,7 +13,8 @@ use base::Rgb;
 
 use super::lines::{Statement, TextFile, decode, statements};
 use super::materials::IOR_RANGE;
-use crate::{Error, Material, Specular};
+use crate::{Error, Material, Specular, Texture};
+use map::Map;
 
 /// The materials of one library.
 #[derive(Debug)]
@@ -28,7 +31,19 @@ struct Entry {
     material: tobj::Material,
     /// `Pr` of the PBR extension.
     roughness: Option<f32>,
+    /// What colors the diffuse part, with its line.
+    map: Option<(usize, Map)>,
     /// What is ignored, told only if the material is used.
+    warnings: Vec<String>,
+}
+
+/// A material whose statements are being read.
+#[derive(Default)]
+struct Head {
+    line: usize,
+    name: String,
+    map: Option<(usize, Map)>,
+    roughness: Option<f32>,
     warnings: Vec<String>,
 }
 
@@ -55,7 +70,7 @@ impl Library {
                         return Err(file.fault(line, fault));
                     }
                     let name = name.to_string();
-                    heads.push(Head { line, name, roughness: None, warnings: Vec::new() });
+                    heads.push(Head { line, name, ..Head::default() });
                     // tobj tells materials apart by their order.
                     let _ = writeln!(clean, "newmtl {}", heads.len());
                 }
@@ -68,6 +83,11 @@ impl Library {
                         Rewritten::Clean(line) => clean += &line,
                         Rewritten::Roughness(roughness) => head.roughness = Some(roughness),
                         Rewritten::Ignored(why) => head.warnings.push(file.warning(line, why)),
+                        Rewritten::Map(map) => {
+                            let ignored = map.ignored(&head.name);
+                            head.warnings.extend(ignored.map(|why| file.warning(line, why)));
+                            head.map = Some((line, map));
+                        }
                         Rewritten::Nothing => {}
                     }
                 }
@@ -78,11 +98,12 @@ impl Library {
         let entries = heads
             .into_iter()
             .zip(materials)
-            .map(|(head, material)| Entry {
-                line: head.line,
-                material: tobj::Material { name: head.name, ..material },
-                roughness: head.roughness,
-                warnings: head.warnings,
+            .map(|(Head { line, name, map, roughness, warnings }, material)| Entry {
+                line,
+                material: tobj::Material { name, ..material },
+                map,
+                roughness,
+                warnings,
             })
             .collect();
         Ok(Self { file, entries, by_name })
@@ -98,9 +119,12 @@ impl Library {
         self.by_name.keys().map(String::as_str)
     }
 
-    /// What we make of material number `index`, and what its author should know about it.
-    pub(super) fn material(&self, index: usize) -> Result<(Material, Vec<String>), Error> {
-        let Entry { line, material, roughness, warnings } = &self.entries[index];
+    /// What we make of material number `index`, the texture that colors it, and what its author should know about it.
+    pub(super) fn material(
+        &self,
+        index: usize,
+    ) -> Result<(Material, Option<Texture>, Vec<String>), Error> {
+        let Entry { line, material, map, roughness, warnings } = &self.entries[index];
         let name = &material.name;
         let fault = |text: String| self.file.fault(*line, text);
         let mut warnings = warnings.clone();
@@ -109,6 +133,9 @@ impl Library {
             (color(material.diffuse), color(material.specular), color(material.emissive));
         let illum = material.illumination_model.unwrap_or(if ks.is_black() { 1 } else { 2 });
         let (mut albedo, mut reflectance) = (kd, Rgb::BLACK);
+        if map.is_some() && material.diffuse.is_none() {
+            albedo = Rgb::ONE;
+        }
         let specular = match illum {
             0 | 1 => Specular::None,
             2 => {
@@ -167,7 +194,21 @@ impl Library {
             let text = format!("material `{name}` is black; give it Kd");
             warnings.push(self.file.warning(*line, text));
         }
-        let total = (albedo + reflectance).max_channel();
+        let texture = match map {
+            Some((line, map)) if !albedo.is_black() => {
+                Some(map.read(&self.file.path).map_err(|fault| self.file.fault(*line, fault))?)
+            }
+            Some((line, _)) => {
+                let text = format!(
+                    "the map_Kd of material `{name}` is ignored, since there is no diffuse part that it could color"
+                );
+                warnings.push(self.file.warning(*line, text));
+                None
+            }
+            None => None,
+        };
+        let largest = texture.as_ref().map_or(1.0, Texture::max);
+        let total = (albedo * largest + reflectance).max_channel();
         let mut specular = specular;
         if total > 1.0 + 2.0 * f32::EPSILON {
             let text = format!(
@@ -183,16 +224,8 @@ impl Library {
         let (name, emission) = (name.clone(), ke);
         let material =
             Material { name, albedo, albedo_texture: None, specular, roughness, emission };
-        Ok((material, warnings))
+        Ok((material, texture, warnings))
     }
-}
-
-/// A material whose statements are being read.
-struct Head {
-    line: usize,
-    name: String,
-    roughness: Option<f32>,
-    warnings: Vec<String>,
 }
 
 enum Rewritten {
@@ -202,6 +235,8 @@ enum Rewritten {
     Roughness(f32),
     /// Something that isn't rendered.
     Ignored(String),
+    /// What colors the diffuse part.
+    Map(Map),
     Nothing,
 }
 
@@ -252,9 +287,12 @@ fn rewrite(file: &TextFile, statement: &Statement<'_>, name: &str) -> Result<Rew
             Ok(Rewritten::Roughness(roughness as f32))
         }
         "sharpness" => Ok(Rewritten::Nothing),
+        "map_Kd" => match Map::parse(statement.name()) {
+            Ok(map) => Ok(Rewritten::Map(map)),
+            Err(fault) => Err(file.fault(line, format!("the map_Kd of material `{name}` {fault}"))),
+        },
         _ if is_map(keyword) => Ok(Rewritten::Ignored(format!(
-            "textures are not supported; the {keyword} of material `{name}`, {}, is ignored",
-            map_file(statement.name())
+            "only map_Kd is rendered; the {keyword} of material `{name}` is ignored"
         ))),
         _ => Ok(Rewritten::Ignored(format!(
             "`{keyword}` of material `{name}` is not supported and ignored"
@@ -302,29 +340,6 @@ fn is_map(keyword: &str) -> bool {
     keyword.starts_with("map_") || OTHERS.contains(&keyword)
 }
 
-/// The file's name behind the options of a map, such as `-s 2 2 -clamp on`.
-fn map_file(statement: &str) -> &str {
-    let mut rest = statement;
-    while rest.starts_with('-') {
-        let (option, values) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-        // How many values may follow, at most and numbers only where more than one may.
-        let most = match option {
-            "-o" | "-s" | "-t" => 3,
-            "-mm" => 2,
-            _ => 1,
-        };
-        rest = values.trim_start();
-        for i in 0..most {
-            let (value, next) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-            if i > 0 && value.parse::<f64>().is_err() {
-                break;
-            }
-            rest = next.trim_start();
-        }
-    }
-    rest
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -334,6 +349,7 @@ mod tests {
         let text = format!("newmtl a\n{lines}\n");
         Library::read(Path::new("l.mtl"), text.as_bytes())
             .and_then(|library| library.material(0))
+            .map(|(material, _, warnings)| (material, warnings))
             .map_err(|e| e.to_string())
     }
 
@@ -406,12 +422,16 @@ mod tests {
                 "l.mtl:1:1: material `a` would create light; its Kd and Ks are divided by 1.25",
             ),
             (
-                "Kd 0.5\nmap_Kd -s 2 2 -clamp on my wood.png",
-                "l.mtl:3:1: textures are not supported; the map_Kd of material `a`, my wood.png, is ignored",
+                "Kd 0.5\nbump -bm 0.1 -o 1 b.png",
+                "l.mtl:3:1: only map_Kd is rendered; the bump of material `a` is ignored",
             ),
             (
-                "Kd 0.5\nbump -bm 0.1 -o 1 b.png",
-                "l.mtl:3:1: textures are not supported; the bump of material `a`, b.png, is ignored",
+                "Kd 0\nKe 1\nmap_Kd a.png",
+                "l.mtl:4:1: the map_Kd of material `a` is ignored, since there is no diffuse part that it could color",
+            ),
+            (
+                "illum 7\nNi 1.5\nmap_Kd -blendu off -mm 0 2 a.png",
+                "l.mtl:4:1: the option -mm of the map_Kd of material `a` is ignored",
             ),
             ("Kd 0.5\nPm 1", "l.mtl:3:1: `Pm` of material `a` is not supported and ignored"),
             (
@@ -424,7 +444,7 @@ mod tests {
             ),
         ];
         for (lines, expected) in cases {
-            assert_eq!(material(lines).unwrap().1, [expected]);
+            assert_eq!(material(lines).unwrap().1[0], expected);
         }
         let (scaled, _) = material("Kd 0.75\nKs 0.5\nillum 3").unwrap();
         assert!((scaled.albedo.r - 0.6).abs() < 1e-6);
@@ -469,6 +489,8 @@ mod tests {
                 "illum 10",
                 "l.mtl:1:1: material `a` has illum 10, which is not supported; use 1 for diffuse, 3 for mirrors or 7 for glass",
             ),
+            ("map_Kd -s 2 x.png", "l.mtl:2:1: cannot read x.png: there is no such file"),
+            ("map_Kd -s 2 2", "l.mtl:2:1: the map_Kd of material `a` names no file"),
             ("newmtl", "l.mtl:2:1: `newmtl` needs a name"),
             (
                 "newmtl b\nnewmtl a",

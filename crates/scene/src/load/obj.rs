@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::lines::TextFile;
 use super::polygon::triangulate;
-use crate::{Error, Material};
+use crate::{Error, Material, Texture};
 use check::Checked;
 
 /// Whether the materials of an OBJ file are wanted.
@@ -34,6 +34,8 @@ pub(super) struct Obj {
     /// Its material ids count in `materials`; they are all 0 if materials are ignored.
     pub(super) mesh: Mesh,
     pub(super) materials: Vec<Material>,
+    /// The ids of its materials count in it.
+    pub(super) textures: Vec<Texture>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -61,7 +63,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], materials: Materials) -> Result<Ob
             mesh.uvs.resize(mesh.positions.len(), Vec2::ZERO);
         }
     }
-    Ok(Obj { mesh, materials: checked.materials, warnings: checked.warnings })
+    let Checked { materials, textures, warnings, .. } = checked;
+    Ok(Obj { mesh, materials, textures, warnings })
 }
 
 fn add_model(model: &tobj::Mesh, material: MaterialId, with_normals: bool, mesh: &mut Mesh) {

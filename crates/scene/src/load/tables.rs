@@ -47,6 +47,10 @@ pub(super) struct CameraTable {
 pub(super) struct TextureTable {
     #[serde(rename = "type")]
     pub(super) kind: Spanned<String>,
+    pub(super) file: Option<Spanned<String>>,
+    pub(super) raw: Option<Spanned<bool>>,
+    pub(super) filter: Option<Spanned<String>>,
+    pub(super) wrap: Option<Spanned<String>>,
     pub(super) colors: Option<[Spanned<Color>; 2]>,
     pub(super) scale: Option<Spanned<[f64; 2]>>,
     pub(super) rotate: Option<Spanned<f64>>,

@@ -3,11 +3,12 @@
 use glam::{Affine2, Mat2, Vec2};
 use toml::Spanned;
 
-use super::keys::{Typed, span};
+use super::image;
+use super::keys::{Typed, list, span};
 use super::source::Source;
 use super::tables::TextureTable;
 use super::transform::sin_cos;
-use crate::{Error, Pattern, Texture};
+use crate::{Error, Filter, Pattern, Texture, Wrap};
 
 /// Factors and offsets of texture coordinates beyond this are typing errors, and single precision has no digits left for
 /// the places between texels.
@@ -18,6 +19,10 @@ pub(super) fn texture(source: &Source, name: &str, table: &TextureTable) -> Resu
     let object = format!("texture `{name}`");
     let typed = Typed { source, object: &object, kind: &table.kind };
     let given = [
+        ("file", span(&table.file)),
+        ("raw", span(&table.raw)),
+        ("filter", span(&table.filter)),
+        ("wrap", span(&table.wrap)),
         ("colors", span_of_list(&table.colors)),
         ("scale", span(&table.scale)),
         ("rotate", span(&table.rotate)),
@@ -30,9 +35,52 @@ pub(super) fn texture(source: &Source, name: &str, table: &TextureTable) -> Resu
             let what = format!("a color of {object}");
             Pattern::Checkerboard([source.amount(a, &what)?, source.amount(b, &what)?])
         }
-        _ => return Err(typed.unknown(&["checkerboard"])),
+        "bitmap" => {
+            let keys = ["file", "raw", "filter", "wrap", "scale", "rotate", "offset"];
+            typed.take_only(&given, &keys)?;
+            bitmap(source, &typed, table)?
+        }
+        _ => return Err(typed.unknown(&["bitmap", "checkerboard"])),
     };
     Ok(Texture { placement: placement(source, &object, table)?, pattern })
+}
+
+fn bitmap(source: &Source, typed: &Typed<'_>, table: &TextureTable) -> Result<Pattern, Error> {
+    let filter = choice(source, typed.object, "filter", &table.filter, &FILTERS)?;
+    let wrap = choice(source, typed.object, "wrap", &table.wrap, &WRAPS)?;
+    let file = typed.need(&table.file, "file")?;
+    let raw = table.raw.as_ref().is_some_and(|raw| *raw.get_ref());
+    let (size, texels) = image::read(&source.resolve(file.get_ref()), raw)
+        .map_err(|fault| source.fault(file.span(), fault))?;
+    Ok(Pattern::Bitmap { size, texels, filter, wrap })
+}
+
+/// The default comes first.
+pub(super) const FILTERS: [(&str, Filter); 2] =
+    [("bilinear", Filter::Bilinear), ("nearest", Filter::Nearest)];
+/// The default comes first.
+pub(super) const WRAPS: [(&str, Wrap); 3] =
+    [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
+
+/// One of a few words, of which the first is the default.
+fn choice<T: Copy>(
+    source: &Source,
+    object: &str,
+    key: &str,
+    written: &Option<Spanned<String>>,
+    choices: &[(&str, T)],
+) -> Result<T, Error> {
+    let Some(written) = written else { return Ok(choices[0].1) };
+    let found = choices.iter().find(|(word, _)| word == written.get_ref());
+    found.map(|(_, choice)| *choice).ok_or_else(|| {
+        let known: Vec<_> = choices.iter().map(|(word, _)| *word).collect();
+        let fault = format!(
+            "the {key} of {object} is \"{}\"; it may be one of {}",
+            written.get_ref(),
+            list(&known)
+        );
+        source.fault(written.span(), fault)
+    })
 }
 
 fn span_of_list(

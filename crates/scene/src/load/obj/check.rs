@@ -9,7 +9,7 @@ use crate::load::lines::{Statement, TextFile, decode, statements};
 use crate::load::mtl::Library;
 use crate::load::polygon::MAX_CORNERS;
 use crate::load::source::{MAX_LENGTH, read_bytes};
-use crate::{Error, Material};
+use crate::{Error, Material, Texture, TextureId};
 
 /// Statements without a meaning for us: points, lines, groups, levels of detail.
 const IGNORED: [&str; 12] = [
@@ -40,6 +40,8 @@ pub(super) struct Checked {
     pub(super) text: String,
     /// The materials that faces use.
     pub(super) materials: Vec<Material>,
+    /// What colors them.
+    pub(super) textures: Vec<Texture>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -271,7 +273,7 @@ impl Checker<'_> {
         if let Some(&number) = self.numbers.get(&origin) {
             return Ok(number);
         }
-        let (material, warnings) = self.libraries[origin.0].material(origin.1)?;
+        let (mut material, texture, warnings) = self.libraries[origin.0].material(origin.1)?;
         for warning in warnings {
             if !self.checked.warnings.contains(&warning) {
                 self.checked.warnings.push(warning);
@@ -281,9 +283,21 @@ impl Checker<'_> {
         if number > usize::from(u16::MAX) {
             return Err(self.file.fault(line, "too many materials; use at most 65536"));
         }
+        material.albedo_texture = texture.map(|texture| self.add_texture(texture));
         self.checked.materials.push(material);
         self.numbers.insert(origin, number);
         Ok(number)
+    }
+
+    /// Materials often share an image: the same texture is kept once. There are no more of them than materials.
+    fn add_texture(&mut self, texture: Texture) -> TextureId {
+        let textures = &mut self.checked.textures;
+        let known = textures.iter().position(|t| *t == texture);
+        let index = known.unwrap_or_else(|| {
+            textures.push(texture);
+            textures.len() - 1
+        });
+        TextureId(index as u16)
     }
 
     /// Writes the faces of an object. Its normals count only if every corner has one.
