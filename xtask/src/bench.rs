@@ -126,7 +126,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             keep(name, &plan, &environment, &records, &runs)?;
         }
     }
-    outcome.context("the bench isn't complete; the same command goes on where it was")
+    outcome
+        .context("the bench isn't complete; started again without --fresh, it goes on where it was")
 }
 
 /// Shows the tables, and leaves them and the report in the folder of the plan.

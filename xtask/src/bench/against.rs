@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::bench::runs::{Clock, ModeRuns, Row, Runs, SceneRuns, SizeRuns};
+use crate::bench::runs::{ModeRuns, Row, Runs, SceneRuns, SizeRuns};
 use crate::bench::spread::Spread;
 use crate::bench::tables::percent;
 use crate::table::Table;
@@ -18,25 +18,23 @@ pub(crate) fn against(now: &Runs, then: &Runs) -> (Vec<Table>, Vec<String>) {
     for scene in &now.scenes {
         let Some(old) = then.scenes.iter().find(|s| s.name == scene.name) else { continue };
         tables.push(ratios(scene, old));
-        let pass_1 = |s: &SceneRuns| Spread::of(s.pass_1.iter().map(|p| p.cpu_seconds.total));
-        let machine = median(&scene.yardsticks) / median(&old.yardsticks);
-        let name = format!("{} pass 1", scene.name);
-        changes.extend(stage_change(&name, pass_1(scene), pass_1(old), machine));
-        for (size, new, old_mode) in common(scene, old) {
-            let machine = machine_of(new, old_mode);
+        for (i, (size, new, old_mode)) in common(scene, old).enumerate() {
+            // What a yard is in seconds.
+            let yard = Spread::of(new.yardsticks.iter().copied()).median;
             for row in Row::ALL {
-                if matches!(row, Row::Pass1 | Row::Total) {
-                    continue;
-                }
-                let name = format!(
-                    "{} {} {}, {}",
-                    scene.name,
-                    size.size,
-                    new.mode,
-                    row.name().to_lowercase()
-                );
-                let of = |scene: &SceneRuns, mode| scene.seconds(mode, row, Clock::Cpu);
-                changes.extend(stage_change(&name, of(scene, new), of(old, old_mode), machine));
+                // Pass 1 is the same for all pictures.
+                let name = match row {
+                    Row::Total => continue,
+                    Row::Pass1 if i > 0 => continue,
+                    Row::Pass1 => format!("{} pass 1", scene.name),
+                    _ => {
+                        let row = row.name().to_lowercase();
+                        format!("{} {} {}, {row}", scene.name, size.size, new.mode)
+                    }
+                };
+                let change = change(scene.yards(new, row), old.yards(old_mode, row));
+                let change = change.filter(|c| c.difference.abs() * yard > LEAST_SECONDS);
+                changes.extend(change.map(|c| format!("{}: {name}, {c}", c.word())));
             }
             let name = format!("{} {} {}", scene.name, size.size, new.mode);
             for ((what, now), (_, then)) in work(new).into_iter().zip(work(old_mode)) {
@@ -80,28 +78,22 @@ fn common<'a>(
     })
 }
 
-/// How many of our seconds one of the old ones is: the same piece of work was timed before each run.
-fn machine_of(now: &ModeRuns, then: &ModeRuns) -> f64 {
-    median(&now.yardsticks) / median(&then.yardsticks)
-}
-
-fn median(values: &[f64]) -> f64 {
-    Spread::of(values.iter().copied()).median
-}
-
 /// A change that is more than noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Change {
+    /// Now as a multiple of then.
     ratio: f64,
+    /// Now less then.
+    difference: f64,
     noise: f64,
 }
 
-/// The change from then to now, if the times differ by more than they spread. `machine` is how many of our seconds one of
-/// the old ones is.
-pub(crate) fn change(now: Spread, then: Spread, machine: f64) -> Option<Change> {
-    let ratio = now.median / (then.median * machine);
+/// The change from then to now, both in units of the yardstick, if they differ by more than they spread.
+pub(crate) fn change(now: Spread, then: Spread) -> Option<Change> {
+    let (ratio, difference) = (now.median / then.median, now.median - then.median);
     let noise = now.relative() + then.relative();
-    ((ratio - 1.0).abs() > LEAST_CHANGE.max(noise)).then_some(Change { ratio, noise })
+    let is_change = (ratio - 1.0).abs() > LEAST_CHANGE.max(noise);
+    is_change.then_some(Change { ratio, difference, noise })
 }
 
 impl Change {
@@ -114,13 +106,6 @@ impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:.2} times the CPU time (noise {})", self.ratio, percent(self.noise, 0))
     }
-}
-
-/// A sentence, if the times of a stage differ by more than noise and are more than next to nothing.
-fn stage_change(name: &str, now: Spread, then: Spread, machine: f64) -> Option<String> {
-    let change = change(now, then, machine)?;
-    ((now.median - then.median * machine).abs() > LEAST_SECONDS)
-        .then(|| format!("{}: {name}, {change}", change.word()))
 }
 
 /// What doesn't depend on the machine.
@@ -144,8 +129,7 @@ fn ratios(now: &SceneRuns, then: &SceneRuns) -> Table {
     let times = |ratio: f64| if ratio.is_finite() { format!("{ratio:.2}") } else { String::new() };
     for row in Row::ALL {
         let cell = |(_, new, old): &(&SizeRuns, &ModeRuns, &ModeRuns)| {
-            let of = |scene: &SceneRuns, mode| scene.seconds(mode, row, Clock::Cpu).median;
-            times(of(now, new) / (of(then, old) * machine_of(new, old)))
+            times(now.yards(new, row).median / then.yards(old, row).median)
         };
         table.push(format!("{}, CPU time", row.name()), columns.iter().map(cell));
     }
@@ -165,7 +149,8 @@ fn ratios(now: &SceneRuns, then: &SceneRuns) -> Table {
     row("Peak memory", &|m| m.peak_bytes() as f64);
     row("Mean FLIP", &|m| m.quality.map_or(f64::NAN, |q| q.mean));
     table.notes = vec![
-        "Times are divided by those of a fixed piece of work that was timed before each run, then and now.".into(),
+        "Times are in units of a fixed piece of work that was timed before each run, then and now."
+            .into(),
     ];
     table
 }
@@ -221,12 +206,11 @@ mod tests {
     fn noise_is_no_change() {
         let spread = |median, least, most| Spread { median, least, most };
         let steady = |m: f64| spread(m, m, m);
-        let says = |now, then| stage_change("x", now, then, 1.0);
-        assert_eq!(says(steady(1.04), steady(1.0)), None);
-        assert!(says(steady(1.06), steady(1.0)).unwrap().starts_with("slower: x"));
-        assert!(says(steady(0.5), steady(1.0)).unwrap().starts_with("faster: x"));
-        assert_eq!(says(spread(1.3, 1.0, 2.0), spread(1.0, 0.9, 1.1)), None);
-        assert_eq!(says(steady(0.002), steady(0.001)), None);
+        let word = |now, then| change(now, then).map(Change::word);
+        assert_eq!(word(steady(1.04), steady(1.0)), None);
+        assert_eq!(word(steady(1.06), steady(1.0)), Some("slower"));
+        assert_eq!(word(steady(0.5), steady(1.0)), Some("faster"));
+        assert_eq!(word(spread(1.3, 1.0, 2.0), spread(1.0, 0.9, 1.1)), None);
     }
 
     #[test]

@@ -76,9 +76,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Micro { environment, yardsticks: Spread::of(yardsticks), rates: rates::read(&folder)? };
     println!("\n{}", rates::table(&micro.rates));
     if let Some(then) = &then {
-        let machine = micro.yardsticks.median / then.yardsticks.median;
         println!("Then: commit {} on {}", then.environment.commit, then.environment.processor);
-        let changes = rates::changes(&micro.rates, &then.rates, machine);
+        let changes =
+            rates::changes((&micro.rates, &micro.yardsticks), (&then.rates, &then.yardsticks));
         changes.iter().for_each(|change| println!("{change}"));
     }
     if let Some(name) = &args.record {

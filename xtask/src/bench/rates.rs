@@ -142,12 +142,16 @@ pub(crate) fn table(rates: &[Rate]) -> Table {
     table
 }
 
-/// A sentence for each rate that has changed by more than noise. `machine` is how many of our seconds one of theirs is.
-pub(crate) fn changes(now: &[Rate], then: &[Rate], machine: f64) -> Vec<String> {
+/// A sentence for each rate that has changed by more than noise. Each with its yardstick: what a piece of work took that
+/// is the same then and now.
+pub(crate) fn changes(
+    (now, yardstick): (&[Rate], &Spread),
+    (then, old_yardstick): (&[Rate], &Spread),
+) -> Vec<String> {
     let change = |rate: &Rate| {
         let old = then.iter().find(|r| r.is_peer == rate.is_peer && r.is_of_the_same(rate))?;
         let each = |rate: &Rate| rate.seconds.scaled(1.0 / rate.elements as f64);
-        let change = against::change(each(rate), each(old), machine)?;
+        let change = against::change(each(rate).over(yardstick), each(old).over(old_yardstick))?;
         let peer = if rate.is_peer { ", kiddo" } else { "" };
         Some(format!("{}: {}{peer}, {change}", change.word(), rate.name()))
     };
@@ -217,19 +221,23 @@ mod tests {
     #[test]
     fn only_what_is_more_than_noise_has_changed() {
         let (then, mut now) = (rates(), rates());
-        assert_eq!(changes(&now, &then, 1.0), ["nothing changed by more than noise"]);
+        let [yard, two] = [1.0, 2.0].map(|y| Spread::of([y]));
+        assert_eq!(changes((&now, &yard), (&then, &yard)), ["nothing changed by more than noise"]);
         now[0].seconds = now[0].seconds.scaled(1.5);
         now[1].seconds = now[1].seconds.scaled(1.1);
         assert_eq!(
-            changes(&now, &then, 1.0),
+            changes((&now, &yard), (&then, &yard)),
             ["slower: BVH, occlusion, 1.50 times the CPU time (noise 20 %)"]
         );
-        // On a machine of half the speed all but the first are faster.
-        let changes = changes(&now, &then, 2.0);
+        // On a machine of half the speed all are faster.
+        let faster = changes((&now, &two), (&then, &yard));
         assert!(
-            changes.len() == 3 && changes.iter().all(|c| c.starts_with("faster: ")),
-            "{changes:?}"
+            faster.len() == 3 && faster.iter().all(|c| c.starts_with("faster: ")),
+            "{faster:?}"
         );
+        // One whose speed nobody knows tells nothing.
+        let any = Spread { median: 1.0, least: 0.2, most: 5.0 };
+        assert_eq!(changes((&now, &any), (&then, &yard)), ["nothing changed by more than noise"]);
     }
 
     #[test]

@@ -126,7 +126,8 @@ mod tests {
             return;
         }
         let name = names.iter().find(|name| shown.contains(&format!("xtask/runs/{name}/")));
-        let name = name.expect("README.md shows one of the recorded runs");
+        let name =
+            name.expect("README.md shows one of the recorded runs: cargo xtask bench readme NAME");
         let expected = section(name, &record::load(name).unwrap());
         assert_eq!(shown.trim(), expected.trim(), "README.md differs from {name}");
     }

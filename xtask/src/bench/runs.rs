@@ -232,6 +232,21 @@ impl SceneRuns {
         Spread::of(pairs.map(|(pass_1, pass_2)| seconds(pass_1, pass_2, row, clock)))
     }
 
+    /// CPU time of a row, each run in units of the yardstick that was timed just before it: what can be compared with
+    /// another day and another machine.
+    pub(crate) fn yards(&self, mode: &ModeRuns, row: Row) -> Spread {
+        let of = |i: usize| {
+            let seconds = |row| seconds(&self.pass_1[i], &mode.rounds[i], row, Clock::Cpu);
+            let pass_1 = seconds(Row::Pass1) / self.yardsticks[i];
+            match row {
+                Row::Pass1 => pass_1,
+                Row::Total => pass_1 + mode.rounds[i].cpu_seconds.total / mode.yardsticks[i],
+                row => seconds(row) / mode.yardsticks[i],
+            }
+        };
+        Spread::of((0..mode.rounds.len()).map(of))
+    }
+
     /// Share of the original's time that a mode saves, from run to run.
     pub(crate) fn saved(
         &self,

@@ -30,6 +30,15 @@ impl Spread {
         Self { median: median * factor, least: least * factor, most: most * factor }
     }
 
+    /// The quotient of two quantities, if any values of them may belong together.
+    pub(crate) fn over(&self, other: &Self) -> Self {
+        Self {
+            median: self.median / other.median,
+            least: self.least / other.most,
+            most: self.most / other.least,
+        }
+    }
+
     /// Half of the range, as a share of the median.
     pub(crate) fn relative(&self) -> f64 {
         if self.median > 0.0 { (self.most - self.least) / 2.0 / self.median } else { 0.0 }
@@ -54,6 +63,8 @@ mod tests {
         assert_eq!(spread, Spread { median: 2.5, least: 1.0, most: 5.0 });
         assert_eq!(spread.relative(), 0.8);
         assert_eq!(format!("{spread:.1}"), "1.0\u{2013}5.0");
+        let over = spread.over(&Spread { median: 2.0, least: 1.0, most: 4.0 });
+        assert_eq!(over, Spread { median: 1.25, least: 0.25, most: 5.0 });
         assert_eq!(Spread::of([4.0]), Spread { median: 4.0, least: 4.0, most: 4.0 });
     }
 }
