@@ -47,7 +47,7 @@ use crate::table::Table;
 pub(crate) struct Args {
     #[command(subcommand)]
     command: Option<Command>,
-    /// Scene to render: a folder of scenes/, or a path; may be given several times [default: cornell-box, rabbit]
+    /// Scene to render: a folder of scenes/, "all" of them, or a path; may be given several times [default: cornell-box, rabbit]
     #[arg(long, value_name = "SCENE")]
     scene: Vec<String>,
     /// Side of the square pictures, in pixels; may be given several times [default: 128, 256, 512, 1024]

@@ -1,8 +1,9 @@
 //! What is to be run.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 
 use crate::bench::Args;
 use crate::bench::settings::Settings;
@@ -61,6 +62,7 @@ impl Plan {
 
         let names: Vec<String> = match args.scene.as_slice() {
             [] => SCENES.map(Into::into).into(),
+            [all] if all == "all" => all_scenes()?,
             chosen => chosen.to_vec(),
         };
         let mut scenes: Vec<SceneFile> = Vec::new();
@@ -153,6 +155,27 @@ impl Plan {
     }
 }
 
+/// All folders in `scenes` that hold a scene, and in their folders, by their path from there and in order.
+fn all_scenes() -> anyhow::Result<Vec<String>> {
+    let scenes = root().join("scenes");
+    let (mut folders, mut found) = (vec![scenes.clone()], Vec::new());
+    while let Some(folder) = folders.pop() {
+        let entries =
+            fs::read_dir(&folder).with_context(|| format!("reading {}", folder.display()))?;
+        for entry in entries {
+            let path = entry?.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.ends_with("scene.toml") {
+                let below = folder.strip_prefix(&scenes).unwrap_or(&folder);
+                found.push(below.to_string_lossy().into_owned());
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
 /// A scene by the name of its folder in `scenes`, or by the path of its file.
 fn scene(text: &str) -> anyhow::Result<SceneFile> {
     let is_file = text.ends_with(".toml") || text.ends_with(".xml");
@@ -226,6 +249,10 @@ pub(crate) mod tests {
         assert_eq!(named.path, Path::new("scenes/cornell-box/scene.toml"));
         let path = root().join(&named.path);
         assert_eq!(scene(path.to_str().unwrap()).unwrap(), named);
+        let all = all_scenes().unwrap();
+        for name in ["cornell-box", "rabbit", "tests/furnace"] {
+            assert!(all.iter().any(|n| n == name), "{all:?}");
+        }
         assert_eq!(
             scene("teapot").unwrap_err().to_string(),
             "there is no scene teapot: scenes/teapot/scene.toml is missing"

@@ -192,7 +192,7 @@ fn origins(gallery: &Gallery) -> String {
 
 /// What the script needs to read the pictures.
 fn pixel_data(gallery: &Gallery) -> Value {
-    let words = |mode: &str| (0..=7).map(|reason| reasons::text(mode, reason)).collect::<Vec<_>>();
+    let words = |mode: &str| (0..=9).map(|reason| reasons::text(mode, reason)).collect::<Vec<_>>();
     let reasons: serde_json::Map<String, Value> =
         gallery.modes.iter().map(|m| (m.mode.clone(), json!(words(&m.mode)))).collect();
     json!({ "size": gallery.size, "pixels": gallery.pixels, "reasons": reasons })
