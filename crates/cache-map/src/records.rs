@@ -21,7 +21,7 @@ use crate::{Rule, SurfacePoint, Tolerance, Value, same_surface};
 pub struct RecordPoint {
     /// Where the value was computed.
     pub surface: SurfacePoint,
-    /// The length over which the value was expected to vary, in world units.
+    /// The length over which the value was expected to vary, in world units; 0 if it tells nothing of other points.
     pub reach: f32,
 }
 
@@ -130,8 +130,13 @@ impl<T: Value> Records<T> {
         limit: f32,
     ) -> Option<Nearby<T>> {
         let (points, values) = (&*self.points, &*self.values);
-        let is_wanted = |i: u32| same_surface(surface, &points[i as usize].surface);
+        let is_wanted = |i: u32| {
+            let point = &points[i as usize];
+            point.reach > 0.0 && same_surface(surface, &point.surface)
+        };
         let mut found = [(0.0, 0); NEIGHBORS];
+        // Most answers are no, and this is the quickest way to them.
+        index.0.nearest(surface.position, limit, &is_wanted, &mut found[..1]).first()?;
         let found = index.0.nearest(surface.position, SEARCH * limit, &is_wanted, &mut found);
         let (&(d2, nearest), others) = found.split_first()?;
         let d = d2.sqrt();
@@ -317,8 +322,11 @@ mod tests {
             Records::new(vec![(RecordPoint { surface: point(0.0, 0.0, 0.0), reach: 9.0 }, 1.0)]);
         assert!(few.near(&few.index(), &point(0.1, 0.0, 0.0), 1.0).is_none(), "alone");
         // Much closer than its neighbors are, but not within its own reach.
-        let short = records.all().into_iter().map(|(p, v)| (RecordPoint { reach: 0.0, ..p }, v));
-        let short = Records::new(short.collect());
-        assert!(short.near(&short.index(), &point(at.x + 0.01, at.y, 0.0), 0.7).is_none(), "reach");
+        for reach in [0.01, 0.0] {
+            let short = records.all().into_iter().map(|(p, v)| (RecordPoint { reach, ..p }, v));
+            let short = Records::new(short.collect());
+            let near = short.near(&short.index(), &point(at.x + 0.01, at.y, 0.0), 0.7);
+            assert!(near.is_none(), "reach");
+        }
     }
 }

@@ -12,6 +12,9 @@ use super::{Account, COARSEST, View};
 /// scenes of this project.
 const FLIP_AT_RADIUS: f32 = 0.047;
 
+/// Where all values come from records around their pixels the error grows by this share. Measured likewise.
+const ERROR_OF_NEARBY: f32 = 0.15;
+
 /// Indirect irradiance at every pixel.
 #[derive(Debug)]
 pub(crate) struct Indirect {
@@ -27,22 +30,26 @@ pub(crate) struct Indirect {
     /// Luminance of a picture's indirect radiance, in the mean: errors far below it don't show.
     floor: f32,
     source: Source<Rgb>,
+    /// Share of the coarsest lattice that is known from records around its pixels.
+    nearby: f32,
 }
 
 impl Indirect {
-    /// Traces the coarsest lattice, as far as it isn't known to this relative error.
+    /// Traces the coarsest lattice, as far as it isn't known to this tolerance, relative to itself.
     pub(crate) fn start(
         view: &View,
         saved: &Saved,
-        error: f32,
+        tolerance: Tolerance,
         account: &mut Account<'_, '_>,
     ) -> Result<Self, Interrupted> {
         let pixels = view.coarse_pixels();
         let shader = account.frame.shader();
         let source = saved.source(&saved.set.indirect);
         let take = |&pixel: &Pixel| {
-            let is_good =
-                |near: &Nearby<Rgb>| near.error.max(near.span) <= error * near.value.luminance();
+            let is_good = |near: &Nearby<Rgb>| {
+                let value = near.value.luminance();
+                near.error <= tolerance.error * value && near.span <= tolerance.edge * value
+            };
             source.take(&view.place(view.size().index(pixel))?, COARSEST, is_good)
         };
         let estimates = source.fill(account, &pixels, take, |account, pixels| {
@@ -54,7 +61,7 @@ impl Indirect {
         let mut layer = Layer::new(view.size().n_pixels());
         let mut radius_of_cell = vec![COARSEST as f32; view.n_cells()];
         let mut ambient = vec![0.0; view.n_cells()];
-        let mut sum = 0.0_f64;
+        let (mut sum, mut n_nearby) = (0.0_f64, 0);
         let mut reach = vec![0.0; view.n_cells()];
         for (&pixel, &(irradiance, radius, reason)) in pixels.iter().zip(&estimates) {
             let i = view.size().index(pixel);
@@ -62,14 +69,17 @@ impl Indirect {
             layer.reasons[i] = reason;
             layer.levels[i] = COARSEST.trailing_zeros() as u8;
             reach[view.cell(i)] = radius;
+            n_nearby += u32::from(reason == Reason::Nearby);
             if let Some(site) = &view.sites[pixel] {
                 radius_of_cell[view.cell(i)] = radius / view.footprint(site);
             }
             ambient[view.cell(i)] = irradiance.luminance();
             sum += f64::from(irradiance.luminance() * view.gain(i));
         }
-        let floor = 0.1 * sum as f32 / pixels.len().max(1) as f32;
-        Ok(Self { layer, radius: radius_of_cell, reach, share: 1.0, ambient, floor, source })
+        let n = pixels.len().max(1) as f32;
+        let (floor, nearby) = (0.1 * sum as f32 / n, n_nearby as f32 / n);
+        let radius = radius_of_cell;
+        Ok(Self { layer, radius, reach, share: 1.0, ambient, floor, source, nearby })
     }
 
     pub(crate) fn irradiance(&self, index: usize) -> Rgb {
@@ -109,6 +119,7 @@ impl Indirect {
         }
         let part = if all > 0.0 { (indirect / all) as f32 } else { 1.0 };
         let noise = FLIP_AT_RADIUS * part * (500.0 / k as f32).sqrt();
+        let error = error * (1.0 - ERROR_OF_NEARBY * self.nearby);
         self.share = math::pow(error / noise.max(1e-6), 1.0 / 1.1).min(2.0);
     }
 

@@ -113,7 +113,8 @@ impl Leaves {
         let new = (0..self.leaves.len()).filter_map(|i| {
             let (value, reason) = self.traced[i]?;
             let Place { surface, pixel } = place(&self.leaves, i);
-            let reach = COARSEST as f32 * pixel;
+            // What a glossy end gets is but a sample.
+            let reach = if self.leaves[i].is_glossy { 0.0 } else { COARSEST as f32 * pixel };
             (!reason.is_reuse()).then_some((RecordPoint { surface, reach }, value))
         });
         self.source.with_all(new.collect())

@@ -47,11 +47,6 @@ pub(crate) fn render(
     let saved = records::Saved::open(args, frame, inputs)?;
     let mut account = Account::new(frame, clock, progress);
     let view = View::new(frame);
-    let mut indirect = indirect::Indirect::start(&view, &saved, args.error, &mut account)?;
-    let mut direct = direct::Direct::start(&view, &saved, &mut account)?;
-    let mut caustic = caustic::Caustic::start(&view, &saved, &account);
-    let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
-
     // Tolerances of the embedded pair and of edges, as multiples of the error aimed at. Found on the scenes of this
     // project; the pixels held out correct them where they don't fit.
     let mut strictness = Components::from_fn(|_| args.error);
@@ -68,6 +63,11 @@ pub(crate) fn render(
         }
     };
     let mut tolerance = tolerances(&strictness);
+    let mut indirect = indirect::Indirect::start(&view, &saved, tolerance.indirect, &mut account)?;
+    let mut direct = direct::Direct::start(&view, &saved, &mut account)?;
+    let mut caustic = caustic::Caustic::start(&view, &saved, &account);
+    let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
+
     direct.refine(&view, &indirect, tolerance.direct, &mut account)?;
     let k = frame.shader().settings.indirect.k;
     indirect.aim(&view, &direct, INDIRECT_SHARE * args.error, k);

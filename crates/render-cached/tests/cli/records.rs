@@ -63,6 +63,20 @@ fn the_same_view_is_reused_to_the_bit() {
 }
 
 #[test]
+fn glossy_reflections_are_reused_where_they_were() {
+    let bench = Bench::new();
+    let metal = "metal = { type = \"metal\", preset = \"silver\"";
+    bench.write("scene.toml", SCENE.replace(metal, &format!("{metal}, roughness = 0.3")));
+    bench.photon_build("scene.toml -o a.photons --photons 5K --force");
+    let adaptive = "--mode adaptive --error 0.02";
+    bench.render(&format!("{adaptive} -o a.exr --save-cache a.cache --stats a.json"));
+    bench.render(&format!("{adaptive} -o b.exr --from-cache a.cache --stats b.json"));
+    assert_same_layers(&bench.picture("a.exr"), &bench.picture("b.exr"), &HISTORY);
+    assert!(counted(&bench.json("a.json"), "traced")[2] > 0);
+    assert_eq!(counted(&bench.json("b.json"), "traced"), [0; 4]);
+}
+
+#[test]
 fn a_file_grows_and_depends_on_no_threads() {
     let bench = bench();
     let run = |args: &str| bench.run(&format!("{VIEW} --mode adaptive --force {args}"));
