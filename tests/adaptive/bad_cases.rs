@@ -82,6 +82,20 @@ fn all_glass() {
     assert_fine("all-glass", &bench, SQUARE);
 }
 
+/// Glossy ends in view and out of it, seen directly, in a mirror and through glass.
+#[test]
+fn rough_surfaces() {
+    let rough = "[materials.brushed]\ntype = \"metal\"\npreset = \"copper\"\nroughness = 0.35\n\
+                 [materials.frosted]\ntype = \"glass\"\nior = 1.5\nroughness = 0.3\n\
+                 [materials.varnish]\ntype = \"mirror\"\nreflectance = 0.1\nroughness = 0.2\nalbedo = 0.5\n";
+    let wall = "[[quads]]\ncorner = [-3, 0, -1.5]\nedges = [[6, 0, 0], [0, 3, 0]]\nmaterial = \"mirror\"\n";
+    let back =
+        "[[quads]]\ncorner = [3, 0, 5]\nedges = [[-6, 0, 0], [0, 4, 0]]\nmaterial = \"white\"\n";
+    let things =
+        [rough, LAMP, wall, back, &floor("varnish"), &ball(-0.8, "brushed"), &ball(0.8, "frosted")];
+    assert_fine("rough", &scene(ABOVE, &things), SQUARE);
+}
+
 #[test]
 fn all_black() {
     let bench = scene(ABOVE, &[LAMP, &floor("black"), &ball(-0.8, "black")]);

@@ -18,6 +18,11 @@ const SHADE_ALWAYS: f32 = 0.02;
 /// The longest chain. Only surfaces that lose nothing make such; they are counted.
 const MAX_LENGTH: u32 = 128;
 
+/// Glossy chains of this length go on by chance: between rough walls of glass some would otherwise never end.
+const CERTAIN_LENGTH: u32 = 12;
+/// The chance that they do.
+const GO_ON: f32 = 0.75;
+
 /// A diffuse surface where a chain arrives, mirrors included: they may be diffuse as well.
 #[derive(Clone, Copy, Debug)]
 pub struct ChainLeaf<'a> {
@@ -56,6 +61,8 @@ pub(crate) struct Origin<'a> {
 /// The chains of a pixel that are being followed.
 pub(crate) struct Chains<'a> {
     pub(crate) rng: Rng,
+    /// Whether anyone asks for the light of emitters.
+    pub(crate) is_lit: bool,
     branches: Vec<Branch<'a>>,
 }
 
@@ -68,7 +75,13 @@ impl<'a> Chains<'a> {
         bounce: SpecularBounce,
         chosen: Option<Chosen>,
     ) {
-        let weight = from.weight * bounce.weight;
+        let mut weight = from.weight * bounce.weight;
+        if from.is_glossy && from.length >= CERTAIN_LENGTH {
+            if self.rng.next_f32() >= GO_ON {
+                return;
+            }
+            weight = weight / GO_ON;
+        }
         let Some(weight) = keep(weight, weight.max_channel(), FOLLOW_ALWAYS, &mut self.rng) else {
             return;
         };
@@ -92,10 +105,32 @@ impl<'a> Shader<'a> {
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+    ) -> Rgb {
+        self.follow(at, stream, true, work, arrive)
+    }
+
+    /// Calls `arrive` for the same surfaces as [`Shader::chain`], but asks no light.
+    pub fn chain_ends(
+        &self,
+        at: &ShadingPoint<'a>,
+        stream: PixelStream,
+        work: &mut Work,
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+    ) {
+        self.follow(at, stream, false, work, arrive);
+    }
+
+    fn follow(
+        &self,
+        at: &ShadingPoint<'a>,
+        stream: PixelStream,
+        is_lit: bool,
+        work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> Rgb {
         let rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
-        let mut chains = Chains { rng, branches: Vec::new() };
+        let mut chains = Chains { rng, is_lit, branches: Vec::new() };
         let mut n_leaves = 0;
         let (weight, medium, is_glossy) = (Rgb::ONE, None, false);
         let eye = Origin { weight, medium, stream, is_glossy, length: 0, path: 0 };

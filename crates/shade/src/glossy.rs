@@ -79,7 +79,7 @@ impl<'a> Shader<'a> {
             chains.push(at, &shared, sample.into(), Some(chosen));
         }
         let mut sum = Rgb::BLACK;
-        if is_first {
+        if is_first && chains.is_lit {
             for &(light, _) in &self.light_shares.delta {
                 sum += self.shine(light, 1.0, n, Vec2::ZERO, lobe, at, &from, work);
             }
@@ -91,11 +91,14 @@ impl<'a> Shader<'a> {
                     sum += self.shine(light, n_points, n, u, lobe, at, &from, work);
                 }
             }
-        } else {
+        } else if !is_first {
             for shares in [&self.light_shares.delta, &self.light_shares.area] {
                 if let Some((light, p)) = choose(shares, &mut chains.rng) {
                     let u = chains.rng.next_2d();
-                    sum += self.shine(light, p, n, u, lobe, at, &from, work);
+                    // What is drawn is the same, whoever asks.
+                    if chains.is_lit {
+                        sum += self.shine(light, p, n, u, lobe, at, &from, work);
+                    }
                 }
             }
         }

@@ -19,6 +19,8 @@ const FILTERED_AWAY: f64 = 0.13;
 pub(crate) struct Report {
     pub(crate) estimate: ErrorReport,
     pub(crate) worst: Component,
+    /// Whether that is specular light, and most of its error lies where rough surfaces are seen.
+    pub(crate) glossy_is_worst: bool,
 }
 
 /// Computes random pixels as `--mode original` does and compares.
@@ -26,6 +28,7 @@ pub(crate) fn measure(
     args: &Args,
     frame: &Frame<'_>,
     composed: &dyn Fn(usize) -> Components<Rgb>,
+    is_glossy: &dyn Fn(usize) -> bool,
     round: usize,
     account: &mut Account<'_, '_>,
 ) -> Result<Report, Interrupted> {
@@ -45,6 +48,7 @@ pub(crate) fn measure(
     })?;
     let mut errors = Vec::with_capacity(pixels.len());
     let mut blame = Components::<f64>::default();
+    let mut blame_of_glossy = 0.0;
     for (&pixel, truth) in pixels.iter().zip(truth) {
         let Some((truth, emitted)) = truth else {
             errors.push(0.0);
@@ -56,8 +60,11 @@ pub(crate) fn measure(
         for component in Component::ALL {
             let mut one = truth;
             one[component] = ours[component];
-            blame[component] +=
-                f64::from(film::flip_of_colors(sum(&one), sum(&truth), args.exposure));
+            let error = f64::from(film::flip_of_colors(sum(&one), sum(&truth), args.exposure));
+            blame[component] += error;
+            if component == Component::Specular && is_glossy(size.index(pixel)) {
+                blame_of_glossy += error;
+            }
         }
     }
     let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / errors.len().max(1) as f64;
@@ -74,7 +81,8 @@ pub(crate) fn measure(
         measured_p995: f64::from(p995),
         held_out_pixels: pixels.len() as u64,
     };
-    Ok(Report { estimate, worst })
+    let glossy_is_worst = worst == Component::Specular && blame_of_glossy > 0.5 * blame.specular;
+    Ok(Report { estimate, worst, glossy_is_worst })
 }
 
 fn choose(size: ImageSize, seed: u64, round: usize) -> Vec<Pixel> {

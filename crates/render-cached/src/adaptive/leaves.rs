@@ -27,9 +27,6 @@ const COARSEST: u32 = 8;
 /// Paths seen in fewer pixels are traced.
 const FEWEST: usize = 64;
 
-/// The path of all glossy leaves.
-const GLOSSY: u64 = u64::MAX;
-
 /// A diffuse surface at the end of a chain.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
@@ -39,21 +36,31 @@ struct Leaf {
     weight: Rgb,
     surface: Surface,
     stream: PixelStream,
-    is_glossy: bool,
 }
 
 impl Leaf {
     fn site(&self) -> SurfacePoint {
-        let Surface { position, shading_normal, .. } = self.surface;
-        SurfacePoint { position: position.into(), normal: shading_normal.into() }
+        site_of(&self.surface)
     }
 
     fn irradiance(&self, shader: &Shader<'_>, work: &mut Work) -> Rgb {
-        shader.irradiance(&self.surface, self.stream, self.is_glossy, work)
+        shader.irradiance(&self.surface, self.stream, false, work)
     }
 }
 
-/// All specular chains of a picture.
+pub(super) fn site_of(surface: &Surface) -> SurfacePoint {
+    SurfacePoint { position: surface.position.into(), normal: surface.shading_normal.into() }
+}
+
+/// What is known of the diffuse surfaces of the primary view.
+#[derive(Clone, Copy)]
+pub(crate) struct Finished<'x> {
+    pub(crate) direct: &'x Direct,
+    pub(crate) indirect: &'x Indirect,
+    pub(crate) caustic: &'x Caustic,
+}
+
+/// The specular chains of a picture that begin sharply.
 #[derive(Debug)]
 pub(crate) struct Leaves {
     /// Sorted by path; those of a path in the order in which pixels are visited.
@@ -63,11 +70,13 @@ pub(crate) struct Leaves {
     /// What surfaces emit and what lies beyond the scene, by pixel.
     emitted: Grid<Rgb>,
     radiance: Grid<Rgb>,
+    /// The pixels whose chains have glossy ends, too: these ends are left to [`super::glossy`].
+    glossy: Vec<Pixel>,
     source: Source<Rgb>,
 }
 
 impl Leaves {
-    /// Follows all chains.
+    /// Follows all chains that begin sharply.
     pub(crate) fn start(
         frame: &Frame<'_>,
         saved: &Saved,
@@ -80,23 +89,27 @@ impl Leaves {
         pixels.retain(|&p| {
             frame.surfaces()[p]
                 .as_ref()
-                .is_some_and(|s| materials[s.material.0 as usize].is_specular())
+                .map(|s| &materials[s.material.0 as usize])
+                .is_some_and(|material| material.is_specular() && !material.is_rough())
         });
         let chains = account.pixels(Component::Specular, &pixels, |point, stream, work| {
-            let mut leaves = Vec::new();
+            let (mut leaves, mut is_glossy) = (Vec::new(), false);
             let emitted = shader.chain(point, stream, work, |leaf, _| {
-                let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
-                let (surface, stream, is_glossy) = (leaf.point.facing, leaf.stream, leaf.is_glossy);
-                // A glossy end is one of many of its pixel: they make no picture.
-                let path = if is_glossy { GLOSSY } else { leaf.path };
-                leaves.push(Leaf { pixel: 0, path, weight, surface, stream, is_glossy });
+                is_glossy |= leaf.is_glossy;
+                if !leaf.is_glossy {
+                    let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
+                    let (path, stream, surface) = (leaf.path, leaf.stream, leaf.point.facing);
+                    leaves.push(Leaf { pixel: 0, path, weight, surface, stream });
+                }
             });
-            (emitted, leaves)
+            (emitted, leaves, is_glossy)
         })?;
         let mut emitted = Grid::from_fn(size, |_| Rgb::BLACK);
         let mut by_path = BTreeMap::<u64, Vec<Leaf>>::new();
-        for (&pixel, (sum, ends)) in pixels.iter().zip(chains) {
+        let mut glossy = Vec::new();
+        for (&pixel, (sum, ends, is_glossy)) in pixels.iter().zip(chains) {
             emitted[pixel] = sum;
+            glossy.extend(is_glossy.then_some(pixel));
             let pixel = size.index(pixel) as u32;
             for leaf in ends {
                 by_path.entry(leaf.path).or_default().push(Leaf { pixel, ..leaf });
@@ -105,7 +118,7 @@ impl Leaves {
         let leaves: Vec<Leaf> = by_path.into_values().flatten().collect();
         let traced = vec![None; leaves.len()];
         let source = saved.source(&saved.set.leaves);
-        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, source })
+        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, glossy, source })
     }
 
     /// All that is known of the ends of chains, for good.
@@ -113,8 +126,7 @@ impl Leaves {
         let new = (0..self.leaves.len()).filter_map(|i| {
             let (value, reason) = self.traced[i]?;
             let Place { surface, pixel } = place(&self.leaves, i);
-            // What a glossy end gets is but a sample.
-            let reach = if self.leaves[i].is_glossy { 0.0 } else { COARSEST as f32 * pixel };
+            let reach = COARSEST as f32 * pixel;
             (!reason.is_reuse()).then_some((RecordPoint { surface, reach }, value))
         });
         self.source.with_all(new.collect())
@@ -123,6 +135,11 @@ impl Leaves {
     /// Whether what records around an end told counts anywhere.
     pub(crate) fn uses_nearby(&self) -> bool {
         self.traced.iter().any(|t| t.is_some_and(|t| t.1 == Reason::Nearby))
+    }
+
+    /// The pixels whose chains have glossy ends.
+    pub(crate) fn glossy_pixels(&self) -> &[Pixel] {
+        &self.glossy
     }
 
     pub(crate) fn radiance(&self, index: usize) -> Rgb {
@@ -147,9 +164,7 @@ impl Leaves {
     pub(crate) fn resolve(
         &mut self,
         view: &View,
-        direct: &Direct,
-        indirect: &Indirect,
-        caustic: &Caustic,
+        finished: &Finished<'_>,
         tolerance: Tolerance,
         account: &mut Account<'_, '_>,
     ) -> Result<(), Interrupted> {
@@ -157,9 +172,8 @@ impl Leaves {
         for traced in &mut self.traced {
             traced.take_if(|t| t.1 == Reason::Nearby);
         }
-        let found = account.overhead(&self.leaves, |leaf, _| {
-            look_up(shader, leaf, view, direct, indirect, caustic)
-        })?;
+        let found = account
+            .overhead(&self.leaves, |leaf, _| look_up(shader, &leaf.surface, view, finished))?;
         // What is known of a pixel's radiance is what errors in the rest are measured against.
         let size = view.size();
         let mut known: Vec<f32> = self.emitted.values().iter().map(|e| e.luminance()).collect();
@@ -175,7 +189,7 @@ impl Leaves {
             first = range.end;
             let missing: Vec<usize> =
                 range.clone().filter(|&i| found[i].is_none() && self.traced[i].is_none()).collect();
-            if missing.len() < FEWEST || self.leaves[range.start].is_glossy {
+            if missing.len() < FEWEST {
                 few.extend(missing);
                 continue;
             }
@@ -185,7 +199,7 @@ impl Leaves {
                 &found,
                 &self.traced,
                 &known,
-                indirect.floor(),
+                finished.indirect.floor(),
                 tolerance,
                 &self.source,
                 account,
@@ -229,17 +243,16 @@ fn place(leaves: &[Leaf], index: usize) -> Place {
     Place { surface: leaf.site(), pixel: distances.reduce(f32::min).unwrap_or(0.0) }
 }
 
-/// Irradiance at a leaf from the four pixels around its place in the primary view, if all show its surface.
-fn look_up(
+/// Irradiance at the end of a chain from the four pixels around its place in the primary view, if all show its surface.
+pub(super) fn look_up(
     shader: &Shader<'_>,
-    leaf: &Leaf,
+    surface: &Surface,
     view: &View,
-    direct: &Direct,
-    indirect: &Indirect,
-    caustic: &Caustic,
+    finished: &Finished<'_>,
 ) -> Option<Rgb> {
+    let Finished { direct, indirect, caustic } = finished;
     let size = view.size();
-    let Surface { position, shading_normal, .. } = leaf.surface;
+    let Surface { position, shading_normal, .. } = *surface;
     let at = shader.scene.camera.project(size, position)? - 0.5;
     let low = at.floor();
     let last = Vec2::new(size.width as f32, size.height as f32) - 1.0;
@@ -248,7 +261,7 @@ fn look_up(
     }
     let (x, y) = (low.x as u32, low.y as u32);
     let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| Pixel { x: x + dx, y: y + dy });
-    let site = leaf.site();
+    let site = site_of(surface);
     if !corners.iter().all(|&c| view.sites[c].as_ref().is_some_and(|s| same_surface(s, &site))) {
         return None;
     }

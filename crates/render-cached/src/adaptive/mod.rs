@@ -7,6 +7,7 @@
 mod account;
 mod caustic;
 mod direct;
+mod glossy;
 mod holdout;
 mod indirect;
 mod leaves;
@@ -23,6 +24,8 @@ use crate::render::{Progress, Rendered};
 
 pub(crate) use account::{Account, ErrorReport};
 pub(crate) use view::View;
+
+use leaves::Finished;
 
 /// The widest spacing of a lattice, in pixels.
 const COARSEST: u32 = 16;
@@ -50,6 +53,7 @@ pub(crate) fn render(
     // Tolerances of the embedded pair and of edges, as multiples of the error aimed at. Found on the scenes of this
     // project; the pixels held out correct them where they don't fit.
     let mut strictness = Components::from_fn(|_| args.error);
+    let mut glossy_strictness = args.error;
     let tolerances = |strictness: &Components<f32>| {
         let times = |component, error: f32, edge: f32| {
             let error = error * strictness[component];
@@ -67,6 +71,7 @@ pub(crate) fn render(
     let mut direct = direct::Direct::start(&view, &saved, &mut account)?;
     let mut caustic = caustic::Caustic::start(&view, &saved, &account);
     let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
+    let mut glossy = glossy::Glossy::start(frame, specular.glossy_pixels());
 
     direct.refine(&view, &indirect, tolerance.direct, &mut account)?;
     let k = frame.shader().settings.indirect.k;
@@ -75,8 +80,14 @@ pub(crate) fn render(
     caustic.refine(&view, &direct, &indirect, tolerance.caustic, &mut account)?;
     let target = f64::from(args.error);
     let mut round = 0;
+    let mut view_is_better = false;
     let error = loop {
-        specular.resolve(&view, &direct, &indirect, &caustic, tolerance.specular, &mut account)?;
+        let finished = Finished { direct: &direct, indirect: &indirect, caustic: &caustic };
+        specular.resolve(&view, &finished, tolerance.specular, &mut account)?;
+        let of_glossy =
+            Tolerance { error: 4.0 * glossy_strictness, edge: 20.0 * glossy_strictness };
+        let sharp = |i: usize| specular.radiance(i);
+        glossy.resolve(&view, &finished, sharp, of_glossy, &mut account)?;
         let compose = |i: usize| {
             let [d, n, c] = [direct.irradiance(i), indirect.irradiance(i), caustic.irradiance(i)];
             let albedo = view.albedo(i) * FRAC_1_PI;
@@ -84,15 +95,21 @@ pub(crate) fn render(
                 direct: albedo * d,
                 indirect: albedo * n,
                 caustic: albedo * c,
-                specular: specular.radiance(i),
+                specular: specular.radiance(i) + glossy.radiance(i),
             }
         };
-        let report = holdout::measure(args, frame, &compose, round, &mut account)?;
+        let is_glossy = |i: usize| glossy.is_shown_at(i);
+        let report = holdout::measure(args, frame, &compose, &is_glossy, round, &mut account)?;
         round += 1;
         if report.estimate.measured_mean <= NEAR_ENOUGH * target || round == MAX_ROUNDS {
             break report.estimate;
         }
-        strictness[report.worst] *= 0.5;
+        view_is_better |= report.worst != Component::Specular;
+        if report.glossy_is_worst {
+            glossy_strictness *= 0.5;
+        } else {
+            strictness[report.worst] *= 0.5;
+        }
         tolerance = tolerances(&strictness);
         match report.worst {
             Component::Direct => direct.refine(&view, &indirect, tolerance.direct, &mut account)?,
@@ -107,6 +124,11 @@ pub(crate) fn render(
         }
     };
 
+    if view_is_better {
+        let finished = Finished { direct: &direct, indirect: &indirect, caustic: &caustic };
+        glossy.look_up(&view, &finished, &mut account)?;
+    }
+
     let size = frame.size();
     let mut values = Components::from_fn(|_| Grid::from_fn(size, |_| Rgb::BLACK));
     for i in 0..size.n_pixels() {
@@ -114,7 +136,7 @@ pub(crate) fn render(
         values.direct.values_mut()[i] = albedo * direct.irradiance(i);
         values.indirect.values_mut()[i] = albedo * indirect.irradiance(i);
         values.caustic.values_mut()[i] = albedo * caustic.irradiance(i);
-        values.specular.values_mut()[i] = specular.radiance(i);
+        values.specular.values_mut()[i] = specular.radiance(i) + glossy.radiance(i);
     }
     if let Some(path) = &args.paper.save_cache {
         let views = saved.set.views;
@@ -128,17 +150,20 @@ pub(crate) fn render(
             !(direct.uses_nearby() || is_nearby(&indirect.layer.reasons) || specular.uses_nearby());
         records::save(path, args, frame, inputs, &mut set, is_complete)?;
     }
+    let (mut specular_reasons, mut specular_levels) =
+        (specular.reasons(), vec![0; size.n_pixels()]);
+    glossy.tell(&mut specular_reasons, &mut specular_levels);
     let reasons = Components {
         direct: direct.reasons(),
         indirect: indirect.layer.reasons,
         caustic: caustic.layer.reasons,
-        specular: specular.reasons(),
+        specular: specular_reasons,
     };
     let levels = Components {
         direct: direct.levels(),
         indirect: indirect.layer.levels,
         caustic: caustic.layer.levels,
-        specular: vec![0; size.n_pixels()],
+        specular: specular_levels,
     };
     Ok(account.finish(values, reasons, levels, error))
 }
