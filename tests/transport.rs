@@ -15,7 +15,8 @@ use crate::scenes::{
 fn from_file(name: &str) -> Parts {
     let path: PathBuf =
         [env!("CARGO_MANIFEST_DIR"), "..", "scenes", name, "scene.toml"].iter().collect();
-    let (parts, warnings) = scene::load_parts(Path::new(&path)).unwrap();
+    let options = scene::Options { definitions: Vec::new(), lenient: false };
+    let (parts, warnings) = scene::load_parts(Path::new(&path), &options).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     parts
 }

@@ -18,6 +18,7 @@ const ONLY: &[(&str, &[&str])] = &[
     ("nix", &["cli"]),
     ("obvhs", &["geometry"]),
     ("png", &["film"]),
+    ("quick-xml", &["scene"]),
     ("rand_core", &["base"]),
     ("rand_pcg", &["base"]),
     ("tobj", &["scene"]),

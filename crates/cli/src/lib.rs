@@ -16,6 +16,6 @@ pub use console::Console;
 pub use count::parse_count;
 pub use ending::{WrongUsage, run};
 pub use interrupt::Interrupt;
-pub use options::{Common, Verbosity};
+pub use options::{Common, SceneOptions, Verbosity};
 pub use outputs::check_outputs;
 pub use stats::write_stats;

@@ -16,6 +16,32 @@ pub enum Verbosity {
     Verbose,
 }
 
+/// How a scene of Mitsuba is read.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct SceneOptions {
+    /// Give $NAME of a scene of Mitsuba a value
+    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parse_definition)]
+    pub define: Vec<(String, String)>,
+    /// Replace what a scene of Mitsuba has and Tetralux doesn't, and say so, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+}
+
+impl SceneOptions {
+    /// The words of a command line that give these options.
+    pub fn words(&self) -> Vec<String> {
+        let definitions = self.define.iter().map(|(name, value)| format!("-D{name}={value}"));
+        definitions.chain(self.lenient.then(|| "--lenient".into())).collect()
+    }
+}
+
+fn parse_definition(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.into(), value.into())),
+        _ => Err("it must be NAME=VALUE".into()),
+    }
+}
+
 /// Options that all programs have.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Common {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use cli::{Common, parse_count};
+use cli::{Common, SceneOptions, parse_count};
 
 /// Shoot photons into a scene and save photon maps
 ///
@@ -18,7 +18,7 @@ pub struct Args {
     /// What to do instead of building a map.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// The scene: a scene.toml
+    /// The scene: a scene.toml, or a scene of Mitsuba (.xml)
     #[arg(required = true)]
     pub scene: Option<PathBuf>,
     /// Where the photon maps go
@@ -39,6 +39,9 @@ pub struct Args {
     /// Surfaces that a photon may meet; what is cut off there is reported
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..))]
     pub max_bounces: u32,
+    /// How a scene of Mitsuba is read.
+    #[command(flatten)]
+    pub scene_options: SceneOptions,
     /// Options that all programs have.
     #[command(flatten)]
     pub common: Common,

@@ -31,7 +31,9 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     cli::check_outputs(&outputs, &[scene_path], args.common.existing())?;
     let pool = args.common.thread_pool()?;
 
-    let (parts, warnings) = pool.install(|| scene::load_parts(scene_path))?;
+    let cli::SceneOptions { define, lenient } = args.scene_options.clone();
+    let options = scene::Options { definitions: define, lenient };
+    let (parts, warnings) = pool.install(|| scene::load_parts(scene_path, &options))?;
     warnings.iter().for_each(|w| console.warn(w));
     let load = clock.lap();
     let scene = pool.install(|| Scene::assemble(parts));
@@ -234,6 +236,7 @@ fn remedy(args: &Args, scene: &Path) -> String {
     if args.store.contains(&Store::Direct) {
         option("--store", "direct".into());
     }
+    words.extend(args.scene_options.words().into_iter().map(Into::into));
     words.push("--force".into());
     cli::command_line(words)
 }

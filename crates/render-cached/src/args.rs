@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use base::ImageSize;
-use cli::{Common, parse_count};
+use cli::{Common, SceneOptions, parse_count};
 use photon_map::Kernel;
 
 /// Render a scene with saved photon maps, by component
@@ -18,7 +18,7 @@ pub struct Args {
     /// What to do instead of rendering.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// The scene: a scene.toml
+    /// The scene: a scene.toml, or a scene of Mitsuba (.xml)
     #[arg(required = true)]
     pub scene: Option<PathBuf>,
     /// The photon maps that photon-build has made of the scene
@@ -28,9 +28,9 @@ pub struct Args {
     /// not at all with --save-cache
     #[arg(short, long, value_name = "IMAGE", required_unless_present = "save_cache")]
     pub output: Vec<PathBuf>,
-    /// Width and height of the picture, in pixels
-    #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true, value_parser = parse_size)]
-    pub resolution: ImageSize,
+    /// Width and height of the picture, in pixels [default: those of a scene of Mitsuba, or 512x512]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = parse_size)]
+    pub resolution: Option<ImageSize>,
     /// Which pixels are computed
     #[arg(long, value_enum, default_value_t = Mode::Paper)]
     pub mode: Mode,
@@ -49,6 +49,9 @@ pub struct Args {
     /// How pixels are interpolated.
     #[command(flatten)]
     pub paper: Paper,
+    /// How a scene of Mitsuba is read.
+    #[command(flatten)]
+    pub scene_options: SceneOptions,
     /// Options that all programs have.
     #[command(flatten)]
     pub common: Common,

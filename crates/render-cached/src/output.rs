@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use base::{Component, Grid, Inventory, Rgb};
+use base::{Component, Grid, ImageSize, Inventory, Rgb};
 use cache_map::Origin;
 use cli::Interrupt;
 use film::{Format, Picture};
@@ -41,7 +41,9 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     if let Some(path) = &args.photons {
         option("--photons", path.to_string_lossy().into_owned());
     }
-    option("--resolution", format!("{}x{}", args.resolution.width, args.resolution.height));
+    if let Some(ImageSize { width, height }) = args.resolution {
+        option("--resolution", format!("{width}x{height}"));
+    }
     option("--seed", args.seed.to_string());
     option("--shadow-rays", shading.shadow_rays.to_string());
     option("--glossy-rays", shading.glossy_rays.to_string());
@@ -78,6 +80,7 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     };
     file("--from-cache", from_cache);
     file("--save-cache", save_cache);
+    words.extend(args.scene_options.words());
     words.push("--force".into());
     cli::command_line(words.into_iter().map(Into::into))
 }

@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::path::Path;
 
 use anyhow::bail;
+use cli::SceneOptions;
 use mapfile::{Error, Header};
 use photon_map::PhotonMaps;
 use scene::Scene;
@@ -12,9 +13,19 @@ use scene::Scene;
 ///
 /// # Errors
 /// When there are none, when they can't be read, or when they were made of something else.
-pub(crate) fn open(path: &Path, scene_path: &Path, scene: &Scene) -> anyhow::Result<PhotonMaps> {
+pub(crate) fn open(
+    path: &Path,
+    scene_path: &Path,
+    scene_options: &SceneOptions,
+    scene: &Scene,
+) -> anyhow::Result<PhotonMaps> {
+    let words = || scene_options.words().into_iter().map(OsString::from);
     if !path.exists() {
-        bail!("there is no {}; make it with: {}", path.display(), command(scene_path, path, []));
+        bail!(
+            "there is no {}; make it with: {}",
+            path.display(),
+            command(scene_path, path, words())
+        );
     }
     let (photons, file) = PhotonMaps::open(path)?;
     let (then, now) = (&photons.metadata.inventory, scene.inventory());
@@ -22,15 +33,25 @@ pub(crate) fn open(path: &Path, scene_path: &Path, scene: &Scene) -> anyhow::Res
         bail!(Error::Stale {
             path: path.into(),
             changes: then.changes(now),
-            remedy: remedy(path, scene_path, &photons, file.header()),
+            remedy: remedy(path, scene_path, scene_options, &photons, file.header()),
         });
     }
     Ok(photons)
 }
 
 /// The command that makes the maps anew. That in the file won't do if they are of another scene, or were made elsewhere.
-fn remedy(path: &Path, scene_path: &Path, photons: &PhotonMaps, header: &Header) -> String {
-    if header.command.starts_with(&command(scene_path, Path::new("{file}"), [])) {
+fn remedy(
+    path: &Path,
+    scene_path: &Path,
+    scene_options: &SceneOptions,
+    photons: &PhotonMaps,
+    header: &Header,
+) -> String {
+    // A scene of Mitsuba with other parameters is another scene.
+    let is_option = |word: &&str| word.starts_with("-D") || *word == "--lenient";
+    let same_options = header.command.split(' ').filter(is_option).eq(scene_options.words());
+    let start = command(scene_path, Path::new("{file}"), []);
+    if same_options && header.command.starts_with(&start) {
         return header.remedy(path);
     }
     let made = &photons.metadata;
@@ -46,6 +67,7 @@ fn remedy(path: &Path, scene_path: &Path, photons: &PhotonMaps, header: &Header)
     if photons.direct.is_some() {
         words.extend(["--store".into(), "direct".into()]);
     }
+    words.extend(scene_options.words().into_iter().map(Into::into));
     words.push("--force".into());
     command(scene_path, path, words)
 }

@@ -109,7 +109,7 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
         &inputs.map(paths).collect::<Vec<_>>(),
         args.common.existing(),
     )?;
-    check_memory(args.resolution)?;
+    args.resolution.map_or(Ok(()), check_memory)?;
     args.common.thread_pool()
 }
 
@@ -137,10 +137,17 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
         bail!(WrongUsage("a scene and its photon maps are needed".into()));
     };
 
-    let loaded = scene::load(scene_path)?;
+    let cli::SceneOptions { define, lenient } = args.scene_options.clone();
+    let options = scene::Options { definitions: define, lenient };
+    let loaded = scene::load_with(scene_path, &options)?;
     loaded.warnings.iter().for_each(|w| console.warn(w));
     let scene = loaded.scene;
-    let photons = photons::open(photons_path, scene_path, &scene)?;
+    let usual = ImageSize { width: 512, height: 512 };
+    let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
+    check_memory(resolution)?;
+    // Whatever tells of this picture names its size.
+    let args = &Args { resolution: Some(resolution), ..args.clone() };
+    let photons = photons::open(photons_path, scene_path, &args.scene_options, &scene)?;
     let settings = settings(args, scene.bounds().diagonal());
     let inputs = inputs(&scene, &photons, &settings);
     let load = clock.lap();
@@ -150,9 +157,8 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     }
 
     let shader = Shader::new(&scene, &photons, settings);
-    let traced = progress.run("eye rays", args.resolution.n_pixels(), |watch| {
-        Frame::trace(shader, args.resolution, watch)
-    });
+    let traced = progress
+        .run("eye rays", resolution.n_pixels(), |watch| Frame::trace(shader, resolution, watch));
     let (frame, eye_counts) = traced?;
     let primary = clock.lap();
 

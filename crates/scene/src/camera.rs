@@ -14,6 +14,8 @@ pub enum FovAxis {
     Smaller,
     /// The longer side.
     Larger,
+    /// From corner to corner.
+    Diagonal,
 }
 
 /// A pinhole camera.
@@ -25,6 +27,7 @@ pub struct Camera {
     forward: Vec3A,
     tan_half_fov: f32,
     fov_axis: FovAxis,
+    film: Option<ImageSize>,
 }
 
 impl Camera {
@@ -41,7 +44,18 @@ impl Camera {
             forward,
             tan_half_fov: math::tan(fov.to_radians() * 0.5),
             fov_axis,
+            film: None,
         }
+    }
+
+    /// The same camera, with the size that its pictures are meant to have.
+    pub fn with_film(self, film: ImageSize) -> Self {
+        Self { film: Some(film), ..self }
+    }
+
+    /// The size that its pictures are meant to have, if the scene tells.
+    pub fn film(&self) -> Option<ImageSize> {
+        self.film
     }
 
     /// Half the extent of the picture at distance 1 along the view axis.
@@ -52,6 +66,7 @@ impl Camera {
             FovAxis::Y => h,
             FovAxis::Smaller => w.min(h),
             FovAxis::Larger => w.max(h),
+            FovAxis::Diagonal => w.hypot(h),
         };
         Vec2::new(w, h) * (self.tan_half_fov / side)
     }
@@ -108,7 +123,7 @@ mod tests {
     #[test]
     fn project_undoes_ray() {
         let size = ImageSize { width: 640, height: 360 };
-        for axis in [FovAxis::X, FovAxis::Y, FovAxis::Smaller, FovAxis::Larger] {
+        for axis in [FovAxis::X, FovAxis::Y, FovAxis::Smaller, FovAxis::Larger, FovAxis::Diagonal] {
             let camera = Camera::look_at(
                 Vec3::new(1.0, 2.0, 3.0),
                 Vec3::new(0.0, 1.0, -4.0),
@@ -133,5 +148,8 @@ mod tests {
         let camera = Camera::look_at(Vec3::ZERO, -Vec3::Z, Vec3::Y, 90.0, FovAxis::Smaller);
         let top = camera.ray(size, Vec2::new(100.0, 0.0)).dir();
         assert!((top - Vec3A::new(0.0, 1.0, -1.0).normalize()).length() < 1e-6, "{top}");
+        let camera = Camera::look_at(Vec3::ZERO, -Vec3::Z, Vec3::Y, 90.0, FovAxis::Diagonal);
+        let corner = camera.ray(size, Vec2::new(200.0, 0.0)).dir();
+        assert!((corner.z + 0.5_f32.sqrt()).abs() < 1e-6, "{corner}");
     }
 }

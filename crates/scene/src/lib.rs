@@ -23,7 +23,7 @@ pub use camera::{Camera, FovAxis};
 pub use error::Error;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use light::{Beam, Emission, Light, LightKind, LightSample, Spot, Toward};
-pub use load::{Loaded, load, load_parts};
+pub use load::{Loaded, Options, load, load_parts, load_with};
 pub use lobe::{LEAST_ROUGHNESS, Lobe, LobeSample, LobeValue};
 pub use material::{Material, Specular, SpecularBounce, Transport};
 pub use polygon::polygon_irradiance;

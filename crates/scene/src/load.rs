@@ -9,6 +9,7 @@ mod lines;
 mod materials;
 mod mesh_checks;
 mod meshes;
+mod mitsuba;
 mod mtl;
 mod obj;
 mod ply;
@@ -38,7 +39,35 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
-/// Reads a scene file.
+/// What only scenes of Mitsuba take.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Values of parameters, `$name` in the file, by name.
+    pub definitions: Vec<(String, String)>,
+    /// Whether what isn't supported is replaced, with a warning each, instead of refused.
+    pub lenient: bool,
+}
+
+/// Reads a scene file: `scene.toml`, or a scene of Mitsuba if its name ends in `.xml`.
+///
+/// # Mitsuba
+///
+/// XML of versions 0.5 to 3, both ways of writing names (`toWorld`, `to_world`), `<default>` and `$name`, references,
+/// aliases, includes.
+///
+/// - shapes: `rectangle`, `disk`, `cube`, `sphere`, `cylinder` (circles are polygons of 128 sides), `obj`, `ply`;
+///   `to_world` of `translate`, `rotate`, `scale`, `lookat`, `matrix`; `flip_normals`, `face_normals`, `flip_tex_coords`
+/// - bsdfs: `diffuse`, `dielectric`, `conductor` (by `eta` and `k`, or one of Ag, Al, Au, Cr, Cu, none),
+///   `roughdielectric` and `roughconductor` of GGX, `twosided`; every surface has two equal sides
+/// - textures: `bitmap`, `checkerboard`
+/// - emitters: `area` (not of spheres), `point`, `spot`, `directional`, `constant`
+/// - sensor: `perspective` with every `fov_axis` or `focal_length`; the size of the film is the default of `--resolution`
+/// - colors: `rgb`, `srgb`, hexadecimal, `spectrum` of one value
+///
+/// Integrators, samplers and what films do beside their size are quality settings, and ignored. Anything else is an error
+/// that names it; or, with [`Options::lenient`], a warning that says what takes its place.
+///
+/// # scene.toml
 ///
 /// A scene file is TOML. Paths in it are relative to it. Unknown keys are errors. A color is `[red, green, blue]`, linear
 /// Rec. 709, or one number for gray; angles are in degrees; lengths are in any unit, as long as it is the same
@@ -51,7 +80,8 @@ pub struct Loaded {
 /// target = [0, 2, 0]       # what the middle of the picture shows
 /// up = [0, 1, 0]           # this is the default
 /// fov = 40                 # whole angle of view
-/// fov_axis = "x"           # across the width, which is the default; "y": the height; "smaller", "larger": that side
+/// fov_axis = "x"           # across the width, which is the default; "y": the height; "smaller", "larger": that side;
+///                          # "diagonal": from corner to corner
 ///
 /// [textures.NAME]          # one of the two types
 /// type = "bitmap"
@@ -161,7 +191,16 @@ pub struct Loaded {
 /// light or surfaces, a camera shut in by something dark. Every message names file, line and column, or the object, and
 /// what to do. Memory is proportional to the size of the files; no file makes this function panic.
 pub fn load(path: &Path) -> Result<Loaded, Error> {
-    let (parts, warnings) = load_parts(path)?;
+    load_with(path, &Options { definitions: Vec::new(), lenient: false })
+}
+
+/// Reads a scene file as [`load`] does.
+///
+/// # Errors
+///
+/// See [`load`].
+pub fn load_with(path: &Path, options: &Options) -> Result<Loaded, Error> {
+    let (parts, warnings) = load_parts(path, options)?;
     Ok(Loaded { scene: Scene::assemble(parts), warnings })
 }
 
@@ -170,7 +209,14 @@ pub fn load(path: &Path) -> Result<Loaded, Error> {
 /// # Errors
 ///
 /// See [`load`].
-pub fn load_parts(path: &Path) -> Result<(Parts, Vec<String>), Error> {
+pub fn load_parts(path: &Path, options: &Options) -> Result<(Parts, Vec<String>), Error> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("xml")) {
+        return mitsuba::read(path, options);
+    }
+    if !options.definitions.is_empty() || options.lenient {
+        let fault = "only scenes of Mitsuba (.xml) take -D and --lenient; leave them out";
+        return Err(Error::whole(path, fault));
+    }
     let source = Source::read(path)?;
     let file: SceneFile = toml::from_str(source.text()).map_err(|e| source.syntax(&e))?;
     let camera = view::camera(&source, &file.camera)?;

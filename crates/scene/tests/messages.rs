@@ -168,7 +168,7 @@ fn faults_of_the_camera() {
         ("fov = 40", "fov = inf",
          "scene.toml:4:7: the fov of the camera is inf; give a finite number"),
         ("fov = 40", "fov = 40\nfov_axis = \"z\"",
-         "scene.toml:5:12: the fov_axis \"z\" is unknown; the axes are x, y, smaller and larger"),
+         "scene.toml:5:12: the fov_axis \"z\" is unknown; the axes are x, y, smaller, larger and diagonal"),
         ("origin = [0, 1, 5]", "origin = [-1, 1, -0.5]",
          "scene.toml: the camera is shut in by `crate`, which is opaque and has no light inside; move one of them"),
         ("origin = [0, 1, 5]", "origin = [0, 1, -1.125]",
@@ -423,11 +423,11 @@ fn faults_of_the_whole() {
     assert_eq!(small(&quad("[0, 0, 0]", "1"), lights), "no error; warnings: []");
     assert_eq!(
         small(&quad("[0, 0, 0]", "1"), ""),
-        "scene.toml: nothing emits light; add [[lights]] or an emissive material"
+        "scene.toml: nothing emits light; add a light or an emissive material"
     );
     assert_eq!(
         small("", lights),
-        "scene.toml: there are no surfaces; add [[meshes]], [[quads]], [[boxes]] or [[spheres]]"
+        "scene.toml: there are no surfaces; add a mesh, a quad, a box or a sphere"
     );
     assert_eq!(
         small(&quad("[0, 0, 0]", "1e-7"), lights),
@@ -441,7 +441,7 @@ fn faults_of_the_whole() {
     let unused = "materials.lamp = { type = \"diffuse\", albedo = 0, emission = 1 }";
     assert_eq!(
         small(&quad("[0, 0, 0]", "1"), unused),
-        "scene.toml: nothing emits light; add [[lights]] or an emissive material"
+        "scene.toml: nothing emits light; add a light or an emissive material"
     );
     let copies = vec![quad("[0, 0, 0]", "1"); 1001].join(", ");
     assert_eq!(

@@ -10,6 +10,7 @@ mod degenerate;
 mod diff;
 mod endings;
 mod maps;
+mod mitsuba;
 mod outputs;
 mod pictures;
 mod records;

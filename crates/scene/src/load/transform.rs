@@ -48,11 +48,7 @@ pub(super) fn affine(
         let fault = format!("{what} holds values that are not finite; give finite numbers");
         return Err(source.fault(span, fault));
     }
-    // Relative to the product of the three lengths, so that scales of any size pass.
-    let lengths =
-        map.matrix3.x_axis.length() * map.matrix3.y_axis.length() * map.matrix3.z_axis.length();
-    let volume = map.matrix3.determinant().abs() / lengths;
-    if !(volume.is_finite() && volume > 1e-9) {
+    if is_flat(&map) {
         let fault = format!(
             "{what} flattens it; every scale must differ from 0 and the axes from each other"
         );
@@ -61,14 +57,28 @@ pub(super) fn affine(
     Ok(map)
 }
 
-/// A rotation about an axis through the origin, counterclockwise as seen against it (Rodrigues' formula).
+/// The rotation of a table.
 fn rotation_matrix(source: &Source, what: &str, table: &RotationTable) -> Result<DMat3, Error> {
     let axis = source.direction(&table.axis, &format!("the axis of {what}"))?;
     let degrees = f64::from(source.number(&table.degrees, &format!("the angle of {what}"))?);
+    Ok(rotation(axis, degrees))
+}
+
+/// Whether nothing keeps a volume under a map.
+pub(super) fn is_flat(map: &DAffine3) -> bool {
+    // Relative to the product of the three lengths, so that scales of any size pass.
+    let lengths =
+        map.matrix3.x_axis.length() * map.matrix3.y_axis.length() * map.matrix3.z_axis.length();
+    let volume = map.matrix3.determinant().abs() / lengths;
+    !(volume.is_finite() && volume > 1e-9)
+}
+
+/// A rotation about a unit vector, in degrees, counterclockwise as seen against it (Rodrigues' formula).
+pub(super) fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
     let (sin, cos) = sin_cos(degrees);
     let cross = DMat3::from_cols(axis.cross(DVec3::X), axis.cross(DVec3::Y), axis.cross(DVec3::Z));
     let outer = DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-    Ok(cross * sin + DMat3::IDENTITY * cos + outer * (1.0 - cos))
+    cross * sin + DMat3::IDENTITY * cos + outer * (1.0 - cos)
 }
 
 /// Sine and cosine of an angle in degrees; those of quarter turns are exact.

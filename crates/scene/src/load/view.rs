@@ -37,9 +37,10 @@ pub(super) fn camera(source: &Source, table: &Spanned<CameraTable>) -> Result<Ca
         Some(("y", _)) => FovAxis::Y,
         Some(("smaller", _)) => FovAxis::Smaller,
         Some(("larger", _)) => FovAxis::Larger,
+        Some(("diagonal", _)) => FovAxis::Diagonal,
         Some((other, span)) => {
             let fault = format!(
-                "the fov_axis \"{other}\" is unknown; the axes are x, y, smaller and larger"
+                "the fov_axis \"{other}\" is unknown; the axes are x, y, smaller, larger and diagonal"
             );
             return Err(source.fault(span, fault));
         }

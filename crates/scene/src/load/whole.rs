@@ -18,12 +18,12 @@ pub(super) fn finish(
         mesh.materials.iter().any(|m| !materials[usize::from(m.0)].emission.is_black())
     };
     if lights.is_empty() && !meshes.iter().any(|(_, mesh)| emits(mesh)) {
-        let fault = "nothing emits light; add [[lights]] or an emissive material";
+        let fault = "nothing emits light; add a light or an emissive material";
         return Err(source.fault_of_whole(fault));
     }
     let bounds = bounds(&meshes, &spheres);
     if bounds.is_empty() {
-        let fault = "there are no surfaces; add [[meshes]], [[quads]], [[boxes]] or [[spheres]]";
+        let fault = "there are no surfaces; add a mesh, a quad, a box or a sphere";
         return Err(source.fault_of_whole(fault));
     }
     let size = bounds.diagonal();

@@ -1,0 +1,314 @@
+//! Bsdfs.
+
+use base::Rgb;
+use geometry::MaterialId;
+
+use super::plugin::{Plugin, color};
+use super::textures::texture;
+use super::xml::Element;
+use super::{Context, MAX_REFERENCES, bits};
+use crate::load::keys::list;
+use crate::load::materials::{IOR_RANGE, METALS};
+use crate::{Error, Material, Specular, TextureId};
+
+/// Mitsuba's names of metals, and ours.
+const CONDUCTORS: [(&str, &str); 5] =
+    [("Ag", "silver"), ("Al", "aluminium"), ("Au", "gold"), ("Cr", "chromium"), ("Cu", "copper")];
+
+/// Mitsuba's names of dielectrics, with their indices of refraction.
+const DIELECTRICS: [(&str, f64); 20] = [
+    ("vacuum", 1.0),
+    ("helium", 1.000_036),
+    ("hydrogen", 1.000_132),
+    ("air", 1.000_277),
+    ("carbon dioxide", 1.000_45),
+    ("water ice", 1.31),
+    ("water", 1.333),
+    ("acetone", 1.36),
+    ("ethanol", 1.361),
+    ("fused quartz", 1.458),
+    ("carbon tetrachloride", 1.461),
+    ("pyrex", 1.47),
+    ("glycerol", 1.4729),
+    ("acrylic glass", 1.49),
+    ("polypropylene", 1.49),
+    ("benzene", 1.501),
+    ("bk7", 1.5046),
+    ("silicone oil", 1.520_45),
+    ("sodium chloride", 1.544),
+    ("diamond", 2.419),
+];
+
+/// The material of a shape whose bsdf this is, if it has any, and whose surface emits that much.
+pub(super) fn material<'d>(
+    context: &mut Context<'d>,
+    shape: &'d Element,
+    bsdf: Option<&'d Element>,
+    emission: Rgb,
+    on_sphere: bool,
+) -> Result<MaterialId, Error> {
+    let element = bsdf.unwrap_or(shape);
+    let key = (element.place, on_sphere, bits(emission));
+    if let Some(&id) = context.materials.get(&key) {
+        return Ok(id);
+    }
+    let looks = match bsdf {
+        Some(bsdf) => looks(context, bsdf, on_sphere, 0)?,
+        // As Mitsuba has it.
+        None => Looks { albedo: Rgb::splat(0.5), ..Looks::default() },
+    };
+    if !emission.is_black() && matches!(looks.specular, Specular::Glass { .. }) {
+        let fault = "a shape of glass cannot emit; give the emitter to another one";
+        return Err(context.document.fault(shape.place, fault));
+    }
+    let mut name = context.name(element, context.assembly.materials.len() + 1);
+    if context.assembly.materials.iter().any(|m| m.name == name) {
+        name = format!("{name}, {}", context.assembly.materials.len() + 1);
+    }
+    let Looks { albedo, albedo_texture, specular, roughness } = looks;
+    let material = Material { name, albedo, albedo_texture, specular, roughness, emission };
+    let id = context.assembly.add_material(material).ok_or_else(|| {
+        context.document.fault(element.place, "too many materials; use at most 65536")
+    })?;
+    context.materials.insert(key, id);
+    Ok(id)
+}
+
+/// What a bsdf comes to.
+struct Looks {
+    albedo: Rgb,
+    albedo_texture: Option<TextureId>,
+    specular: Specular,
+    roughness: f32,
+}
+
+impl Default for Looks {
+    fn default() -> Self {
+        Self { albedo: Rgb::BLACK, albedo_texture: None, specular: Specular::None, roughness: 0.0 }
+    }
+}
+
+fn looks<'d>(
+    context: &mut Context<'d>,
+    element: &'d Element,
+    on_sphere: bool,
+    n_above: usize,
+) -> Result<Looks, Error> {
+    let plugin = Plugin::new(context, element)?;
+    if n_above == MAX_REFERENCES {
+        let fault = format!("{} refers to itself", plugin.title());
+        return Err(context.document.fault(element.place, fault));
+    }
+    let looks = match plugin.kind {
+        "diffuse" => diffuse(context, &plugin, "reflectance", on_sphere)?,
+        "dielectric" => {
+            full(context, &plugin, &["specular_reflectance", "specular_transmittance"])?;
+            glass(context, &plugin)?
+        }
+        "conductor" => Looks { specular: conductor(context, &plugin)?, ..Looks::default() },
+        // Our surfaces have two equal sides.
+        "twosided" => return inner(context, &plugin, on_sphere, n_above),
+        "mask" | "bumpmap" | "normalmap" => {
+            let what = format!("{} isn't supported", plugin.title());
+            context.refuse(element.place, &what, "the material in it is taken as it is")?;
+            return inner(context, &plugin, on_sphere, n_above);
+        }
+        "roughconductor" => {
+            let roughness = roughness(context, &plugin)?;
+            Looks { specular: conductor(context, &plugin)?, roughness, ..Looks::default() }
+        }
+        "roughdielectric" => {
+            full(context, &plugin, &["specular_reflectance", "specular_transmittance"])?;
+            Looks { roughness: roughness(context, &plugin)?, ..glass(context, &plugin)? }
+        }
+        "thindielectric" => {
+            instead(context, &plugin, "it is taken as smooth glass")?;
+            glass(context, &plugin)?
+        }
+        "plastic" | "roughplastic" | "phong" | "ward" | "coating" | "difftrans" => {
+            instead(context, &plugin, "only its diffuse part is taken")?;
+            return diffuse(context, &plugin, "diffuse_reflectance", on_sphere);
+        }
+        _ => {
+            let known = [
+                "diffuse",
+                "dielectric",
+                "conductor",
+                "roughdielectric",
+                "roughconductor",
+                "twosided",
+            ];
+            let fault =
+                format!("{} isn't supported; the bsdfs are {}", plugin.title(), list(&known));
+            return Err(context.document.fault(element.place, fault));
+        }
+    };
+    plugin.finish(context)?;
+    Ok(looks)
+}
+
+fn instead(context: &mut Context<'_>, plugin: &Plugin<'_>, instead: &str) -> Result<(), Error> {
+    context.refuse(plugin.element.place, &format!("{} isn't supported", plugin.title()), instead)
+}
+
+/// The bsdf in another one.
+fn inner<'d>(
+    context: &mut Context<'d>,
+    plugin: &Plugin<'d>,
+    on_sphere: bool,
+    n_above: usize,
+) -> Result<Looks, Error> {
+    let nested = plugin.nested(context, &["bsdf"])?;
+    let Some(first) = nested.first() else {
+        let fault = format!("{} needs a bsdf in it", plugin.title());
+        return Err(context.document.fault(plugin.element.place, fault));
+    };
+    if let Some(second) = nested.get(1) {
+        let what = "sides of two materials aren't supported";
+        context.refuse(second.place, what, "both are of the first")?;
+    }
+    looks(context, first, on_sphere, n_above + 1)
+}
+
+fn diffuse<'d>(
+    context: &mut Context<'d>,
+    plugin: &Plugin<'d>,
+    name: &str,
+    on_sphere: bool,
+) -> Result<Looks, Error> {
+    let Some(written) = plugin.get(&[name]) else {
+        return Ok(Looks { albedo: Rgb::splat(0.5), ..Looks::default() });
+    };
+    let target = context.resolve(written)?;
+    let (albedo, albedo_texture) = if target.tag == "texture" {
+        (Rgb::ONE, Some(texture(context, target, on_sphere)?))
+    } else {
+        (color(context, target)?, None)
+    };
+    let largest = match albedo_texture {
+        Some(id) => context.assembly.textures[usize::from(id.0)].1.max(),
+        None => albedo.max_channel(),
+    };
+    if largest > 1.0 {
+        let fault = format!(
+            "`{name}` of {} reaches {largest}, which would create light; use at most 1",
+            plugin.title()
+        );
+        return Err(context.document.fault(written.place, fault));
+    }
+    Ok(Looks { albedo, albedo_texture, ..Looks::default() })
+}
+
+/// Factors that we have no place for must be 1.
+fn full<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>, names: &[&str]) -> Result<(), Error> {
+    for name in names {
+        if let Some(written) = plugin.get(&[name])
+            && (written.tag == "texture"
+                || written.tag == "ref"
+                || color(context, written)? != Rgb::ONE)
+        {
+            let what = format!("`{name}` of {} must be 1", plugin.title());
+            context.refuse(written.place, &what, "it is taken for 1")?;
+        }
+    }
+    Ok(())
+}
+
+fn glass(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<Looks, Error> {
+    let index = |name: &str, default: &str| -> Result<f64, Error> {
+        let Some(written) = plugin.get(&[name]) else { return Ok(ior_of(default).unwrap_or(1.0)) };
+        if written.tag != "string" {
+            return Ok(plugin.number(context, name)?.unwrap_or(1.0));
+        }
+        let word = written.attribute("value").unwrap_or_default();
+        ior_of(word).ok_or_else(|| {
+            let fault = format!(
+                "`{name}` is \"{word}\"; give a number, or one of {}",
+                list(&DIELECTRICS.map(|d| d.0))
+            );
+            context.document.fault(written.place, fault)
+        })
+    };
+    let ior = (index("int_ior", "bk7")? / index("ext_ior", "air")?) as f32;
+    if !IOR_RANGE.contains(&ior) {
+        let fault = format!(
+            "the relative index of refraction of {} is {ior}; it lies between {} and {}",
+            plugin.title(),
+            IOR_RANGE.start(),
+            IOR_RANGE.end()
+        );
+        return Err(context.document.fault(plugin.element.place, fault));
+    }
+    Ok(Looks { specular: Specular::Glass { ior, absorption: Rgb::BLACK }, ..Looks::default() })
+}
+
+/// The roughness whose square is the width of microfacets.
+fn roughness<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>) -> Result<f32, Error> {
+    let place = plugin.element.place;
+    if plugin.string("distribution") != Some("ggx") {
+        let what = format!("{} with microfacets by Beckmann isn't supported", plugin.title());
+        context.refuse(place, &what, "they are taken as those of GGX")?;
+    }
+    // Which way samples are drawn changes no mean.
+    plugin.get(&["sample_visible"]);
+    let alpha = plugin.number(context, "alpha")?.unwrap_or(0.1);
+    if !(0.0..=1.0).contains(&alpha) {
+        let fault = format!("alpha of {} is {alpha}; use 0 to 1", plugin.title());
+        return Err(context.document.fault(place, fault));
+    }
+    Ok(alpha.sqrt() as f32)
+}
+
+fn ior_of(name: &str) -> Option<f64> {
+    let name = name.to_ascii_lowercase().replace('_', " ");
+    DIELECTRICS.iter().find(|(known, _)| *known == name).map(|(_, ior)| *ior)
+}
+
+fn conductor<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>) -> Result<Specular, Error> {
+    let fault = |context: &Context<'_>, fault: String| {
+        Err(context.document.fault(plugin.element.place, fault))
+    };
+    let (eta, k) = (plugin.color(context, "eta")?, plugin.color(context, "k")?);
+    let material = plugin.string("material");
+    if material == Some("none") {
+        let reflectance = plugin.color(context, "specular_reflectance")?.unwrap_or(Rgb::ONE);
+        if reflectance.max_channel() > 1.0 {
+            return fault(context, format!("{} would create light; use at most 1", plugin.title()));
+        }
+        return Ok(Specular::Mirror { reflectance });
+    }
+    full(context, plugin, &["specular_reflectance"])?;
+    match (eta, k, material) {
+        (Some(eta), Some(k), None) => {
+            if eta.min_channel() < 1e-3 || eta.max_channel().max(k.max_channel()) > 1000.0 {
+                return fault(
+                    context,
+                    format!(
+                        "eta of {} lies between 0.001 and 1000, and k up to 1000",
+                        plugin.title()
+                    ),
+                );
+            }
+            Ok(Specular::Metal { eta, k })
+        }
+        (None, None, material) => {
+            let material = material.unwrap_or("Cu");
+            let known = CONDUCTORS.iter().find(|(theirs, _)| *theirs == material);
+            let metal = known.and_then(|(_, ours)| METALS.iter().find(|(name, ..)| name == ours));
+            match metal {
+                Some(&(_, eta, k)) => Ok(Specular::Metal { eta: eta.into(), k: k.into() }),
+                None => fault(
+                    context,
+                    format!(
+                        "the metal \"{material}\" isn't known; give eta and k, or one of {} and none",
+                        CONDUCTORS.map(|c| c.0).join(", ")
+                    ),
+                ),
+            }
+        }
+        _ => fault(
+            context,
+            format!("{} needs either `material` or both `eta` and `k`", plugin.title()),
+        ),
+    }
+}

@@ -1,0 +1,123 @@
+//! The sensor and its film.
+
+use base::ImageSize;
+use glam::DVec3;
+
+use super::Context;
+use super::plugin::{Plugin, numbers};
+use super::xml::Element;
+use crate::load::keys::list;
+use crate::{Camera, Error, FovAxis};
+
+/// The axes that a field of view may span.
+const AXES: [(&str, FovAxis); 5] = [
+    ("x", FovAxis::X),
+    ("y", FovAxis::Y),
+    ("diagonal", FovAxis::Diagonal),
+    ("smaller", FovAxis::Smaller),
+    ("larger", FovAxis::Larger),
+];
+
+/// The diagonal of the film for which focal lengths are meant: 36 by 24 mm.
+const FILM_DIAGONAL: f64 = 43.266_615_305_567_87;
+
+/// The camera of a sensor.
+pub(super) fn camera<'d>(context: &mut Context<'d>, element: &'d Element) -> Result<Camera, Error> {
+    let plugin = Plugin::new(context, element)?;
+    let fault =
+        |context: &Context<'_>, fault: String| Err(context.document.fault(element.place, fault));
+    match plugin.kind {
+        "perspective" => {}
+        "thinlens" => {
+            let what = format!("{} isn't supported", plugin.title());
+            context.refuse(element.place, &what, "everything is in focus")?;
+            plugin.get(&["aperture_radius"]);
+        }
+        _ => {
+            return fault(context, format!("{} isn't supported; use perspective", plugin.title()));
+        }
+    }
+    // They change nothing where all is in focus and nothing is cut away.
+    for name in ["near_clip", "far_clip", "focus_distance", "shutter_open", "shutter_close"] {
+        plugin.number(context, name)?;
+    }
+    plugin.nested(context, &["sampler"])?;
+    let (fov, axis) = field_of_view(context, &plugin)?;
+    let map = plugin.transform(context)?;
+    let of = |axis| map.transform_vector3(axis).normalize();
+    let (left, up, forward) = (of(DVec3::X), of(DVec3::Y), of(DVec3::Z));
+    if up.cross(forward).dot(left) < 0.0 {
+        return fault(
+            context,
+            "to_world of the sensor mirrors the picture; every scale must be above 0".into(),
+        );
+    }
+    let films = plugin.nested(context, &["film"])?;
+    let film = match films.first() {
+        Some(film) => size(context, film)?,
+        None => ImageSize { width: 768, height: 576 },
+    };
+    plugin.finish(context)?;
+    let origin = map.translation.as_vec3();
+    // A target as far away as the origin is, so that their difference has digits left.
+    let target = (map.translation + forward * map.translation.length().max(1.0)).as_vec3();
+    Ok(Camera::look_at(origin, target, up.as_vec3(), fov, axis).with_film(film))
+}
+
+fn field_of_view(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<(f32, FovAxis), Error> {
+    let fault = |fault: String| Err(context.document.fault(plugin.element.place, fault));
+    let written = plugin.get(&["focal_length"]);
+    let fov = plugin.number(context, "fov")?;
+    let (fov, axis) = match (fov, written) {
+        (Some(fov), None) => {
+            let word = plugin.string("fov_axis").unwrap_or("x");
+            let Some((_, axis)) = AXES.iter().find(|(name, _)| *name == word) else {
+                let known = list(&AXES.map(|(name, _)| name));
+                return fault(format!("fov_axis is \"{word}\"; it may be one of {known}"));
+            };
+            (fov, *axis)
+        }
+        (None, Some(element)) => {
+            let value = element.attribute("value").unwrap_or_default();
+            let length = value.trim().trim_end_matches("mm").parse::<f64>().ok();
+            let Some(length) = length.filter(|l| l.is_finite() && *l > 0.0) else {
+                return fault(format!(
+                    "focal_length is \"{value}\"; give millimeters, such as 50mm"
+                ));
+            };
+            (2.0 * libm::atan(FILM_DIAGONAL / (2.0 * length)).to_degrees(), FovAxis::Diagonal)
+        }
+        // Version 0.6 takes a lens of 50 mm where nothing is said.
+        _ => return fault(format!("{} needs either `fov` or `focal_length`", plugin.title())),
+    };
+    if !(fov > 0.0 && fov < 179.99) {
+        return fault(format!(
+            "the fov of {} is {fov}; give degrees between 0 and 180",
+            plugin.title()
+        ));
+    }
+    Ok((fov as f32, axis))
+}
+
+/// The size of a film; how it stores and filters pictures is a matter of the programs.
+fn size<'d>(context: &mut Context<'d>, element: &'d Element) -> Result<ImageSize, Error> {
+    let film = Plugin::new(context, element)?;
+    let width = film.count(context, "width")?.unwrap_or(768);
+    let height = film.count(context, "height")?.unwrap_or(576);
+    if width == 0 || height == 0 {
+        let fault = format!("the film has {width}x{height} pixels; give at least one");
+        return Err(context.document.fault(element.place, fault));
+    }
+    for name in ["crop_offset_x", "crop_offset_y", "crop_width", "crop_height"] {
+        if let Some(written) = film.get(&[name])
+            && !matches!(
+                (name, numbers(context, written, "value")?.as_slice()),
+                ("crop_offset_x" | "crop_offset_y", [0.0])
+            )
+        {
+            let what = format!("`{name}` isn't supported");
+            context.refuse(written.place, &what, "the whole film is shown")?;
+        }
+    }
+    Ok(ImageSize { width, height })
+}
