@@ -49,6 +49,19 @@ pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result
         }
     };
     plugin.finish(context)?;
+    let color = match &kind {
+        LightKind::Point { intensity, .. } => *intensity,
+        LightKind::Spot(spot) => spot.intensity,
+        LightKind::Directional { irradiance, .. } => *irradiance,
+        LightKind::Environment { radiance } => *radiance,
+        LightKind::Area(light) => light.radiance(),
+    };
+    if color.is_black() {
+        let text = format!("{} is black and left out", plugin.title());
+        let warning = context.document.fault(element.place, text).to_string();
+        context.assembly.warnings.push(warning);
+        return Ok(());
+    }
     let name = context.name(element, context.assembly.lights.len() + 1);
     context.assembly.lights.push(Light { name, kind });
     Ok(())

@@ -118,7 +118,13 @@ impl<'d> Plugin<'d> {
 
     /// A position or a direction.
     pub(super) fn vector(&self, context: &Context<'d>, name: &str) -> Result<Option<DVec3>, Error> {
-        self.get(&[name]).map(|element| triple(context, element, "value", 0.0)).transpose()
+        let Some(element) = self.get(&[name]) else { return Ok(None) };
+        let vector = triple(context, element, "value", 0.0)?;
+        if vector.abs().max_element() > f64::from(MAX_LENGTH) {
+            let fault = format!("`{name}` is too far away; keep coordinates within {MAX_LENGTH:e}");
+            return Err(context.document.fault(element.place, fault));
+        }
+        Ok(Some(vector))
     }
 
     /// A map that isn't flat.
