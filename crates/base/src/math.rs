@@ -11,6 +11,12 @@ pub fn sin_cos(x: f32) -> (f32, f32) {
     libm::sincosf(x)
 }
 
+/// Sine and cosine of `x` radians, in double precision.
+#[inline]
+pub fn sin_cos_f64(x: f64) -> (f64, f64) {
+    libm::sincos(x)
+}
+
 /// Tangent of `x` radians.
 pub fn tan(x: f32) -> f32 {
     libm::tanf(x)

@@ -1,7 +1,7 @@
 //! Emissive surfaces: parallelograms and triangles of one radiance.
 
 use base::{Frame, Rgb, math::PI, warp};
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{DVec3, Vec2, Vec3, Vec3A};
 
 use crate::light::{Beam, Emission, LightSample, Toward};
 use crate::polygon_irradiance;
@@ -17,11 +17,14 @@ pub struct AreaLight {
     cumulative: Vec<f32>,
     area: f32,
     radiance: Rgb,
+    /// A sphere around all pieces.
+    center: Vec3A,
+    radius: f32,
 }
 
 /// A parallelogram with corners `corner + {0, 1} a + {0, 1} b`, or half of it.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+pub(crate) struct Piece {
     corner: Vec3,
     a: Vec3,
     b: Vec3,
@@ -47,6 +50,21 @@ impl Piece {
     fn point(&self, u: Vec2) -> Vec3A {
         let w = if self.is_triangle { warp::uniform_triangle(u) } else { u };
         Vec3A::from(self.corner) + Vec3A::from(self.a) * w.x + Vec3A::from(self.b) * w.y
+    }
+
+    /// The piece as one triangle or two.
+    pub(crate) fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        let (o, a, b) = (self.corner, self.corner + self.a, self.corner + self.b);
+        let other = (!self.is_triangle).then_some([a + self.b, b, a]);
+        std::iter::once([o, a, b]).chain(other)
+    }
+
+    /// Where a ray from a point in front meets the plane of the piece, moved off it by what rounding may be wrong.
+    pub(crate) fn meet(&self, point: Vec3A, dir: DVec3) -> Option<Vec3A> {
+        let (point, normal) = (point.as_dvec3(), self.normal.as_dvec3());
+        let distance = (self.corner.as_dvec3() - point).dot(normal) / dir.dot(normal);
+        let target = (point + dir * distance).as_vec3a() + self.normal * self.error;
+        (distance > 0.0 && target.is_finite()).then_some(target)
     }
 
     fn corners(&self) -> ([Vec3; 4], usize) {
@@ -81,7 +99,11 @@ impl AreaLight {
                 (before / area) as f32
             })
             .collect();
-        Self { pieces, cumulative, area: area as f32, radiance }
+        let corners = triangles.iter().flatten().copied();
+        let min = corners.clone().reduce(Vec3::min).unwrap_or(Vec3::ZERO);
+        let max = corners.reduce(Vec3::max).unwrap_or(Vec3::ZERO);
+        let (center, radius) = (Vec3A::from((min + max) * 0.5), (max - min).length() * 0.5);
+        Self { pieces, cumulative, area: area as f32, radiance, center, radius }
     }
 
     /// Total area, in square units of length.
@@ -126,13 +148,25 @@ impl AreaLight {
         self.pieces.len() <= MAX_CLOSED_FORM_PIECES
     }
 
+    /// Whether a point is within so many radii of the light, and the pieces are few enough to look at each.
+    #[inline]
+    pub(crate) fn is_near(&self, point: Vec3A, radii: f32) -> bool {
+        (point - self.center).length_squared() < (radii * self.radius).powi(2)
+            && self.has_closed_form()
+    }
+
+    /// The pieces that show their front to a point.
+    pub(crate) fn pieces_facing(&self, point: Vec3A) -> impl Iterator<Item = &Piece> {
+        self.pieces.iter().filter(move |p| p.faces(point))
+    }
+
     /// Unshadowed irradiance, if there are few enough pieces for a sum in closed form.
     pub(crate) fn irradiance(&self, point: Vec3A, normal: Vec3A) -> Option<Rgb> {
         if !self.has_closed_form() {
             return None;
         }
         let mut sum = 0.0;
-        for piece in self.pieces.iter().filter(|p| p.faces(point)) {
+        for piece in self.pieces_facing(point) {
             let (corners, n) = piece.corners();
             sum += polygon_irradiance(point, normal, &corners[..n]);
         }

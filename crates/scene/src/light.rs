@@ -205,7 +205,7 @@ impl Light {
         !matches!(self.kind, LightKind::Area(_) | LightKind::Environment { .. })
     }
 
-    /// One direction towards the light; `None` if the light sends nothing that way.
+    /// One direction towards the light, uniform by area; `None` if the light sends nothing that way.
     pub fn sample(&self, point: Vec3A, normal: Vec3A, u: Vec2) -> Option<LightSample> {
         let from_point = |position: Vec3A, intensity: &dyn Fn(Vec3A) -> Rgb| {
             let to_light = position - point;

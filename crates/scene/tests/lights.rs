@@ -200,7 +200,7 @@ fn in_the_plane_of_a_light_and_behind_it_is_no_light() {
             for light in &lights {
                 let e = light.unshadowed_irradiance(point, normal);
                 assert!(e.is_none_or(Rgb::is_black), "{e:?} at {point}");
-                let sample = light.sample(point, normal, rng.next_2d());
+                let sample = light.seen_from(point, normal).sample(rng.next_2d());
                 assert!(sample.is_none(), "{sample:?} at {point}");
             }
         }
@@ -218,6 +218,12 @@ fn every_kind() -> Vec<Light> {
         [corner, corner + Vec3::Y * rng.next_f32(), corner + Vec3::X]
     };
     let pieces: Vec<[Vec3; 3]> = (0..20).map(|_| flake()).collect();
+    // Near and at right angles, so close that most of their points send next to nothing.
+    let nearby = [
+        quad(Vec3::new(-1.0, -1.0, 0.1), Vec3::Y * 2.0, Vec3::X),
+        quad(Vec3::new(-1.0, 1.0, 0.0), Vec3::X * 2.0, Vec3::Z),
+    ]
+    .concat();
     let quad = quad(Vec3::new(0.0, 0.0, 2.0), Vec3::Y, Vec3::new(1.0, 0.0, 0.4));
     let spot = Spot {
         position: Vec3A::new(0.2, 0.1, 2.0),
@@ -230,6 +236,7 @@ fn every_kind() -> Vec<Light> {
         area_light(&quad, Rgb::new(1.0, 2.0, 3.0)),
         area_light(&quad[..1], Rgb::new(1.0, 2.0, 3.0)),
         area_light(&pieces, Rgb::new(1.0, 2.0, 3.0)),
+        area_light(&nearby, Rgb::new(1.0, 2.0, 3.0)),
         light(LightKind::Point { position: Vec3A::Z * 1.5, intensity: Rgb::new(3.0, 2.0, 1.0) }),
         light(LightKind::Spot(spot)),
         light(LightKind::Directional {
@@ -251,9 +258,10 @@ fn samples_have_the_unshadowed_irradiance_as_their_mean() {
             let normal = warp::uniform_sphere(rng.next_2d()).normalize();
             let e = light.unshadowed_irradiance(point, normal).unwrap();
             n_lit += u32::from(!e.is_black());
+            let view = light.seen_from(point, normal);
             let (mut sum, mut sum2) = (0.0, 0.0);
             for _ in 0..N {
-                let sample = light.sample(point, normal, rng.next_2d());
+                let sample = view.sample(rng.next_2d());
                 let x = sample.map_or(0.0, |s| f64::from(s.irradiance.b));
                 sum += x;
                 sum2 += x * x;
@@ -288,9 +296,10 @@ fn meshes_are_sampled_by_area() {
     let expected = area_light(&whole, Rgb::ONE).unshadowed_irradiance(Vec3A::ZERO, Vec3A::Z);
     let expected = f64::from(expected.unwrap().g);
     let mut rng = rng(30);
+    let view = light.seen_from(Vec3A::ZERO, Vec3A::Z);
     let (mut sum, mut sum2, n) = (0.0, 0.0, 400_000);
     for _ in 0..n {
-        let x = light.sample(Vec3A::ZERO, Vec3A::Z, rng.next_2d());
+        let x = view.sample(rng.next_2d());
         let x = x.map_or(0.0, |s| f64::from(s.irradiance.g));
         sum += x;
         sum2 += x * x;

@@ -65,12 +65,11 @@ impl Shader<'_> {
         let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
         let light = &self.scene.lights[light];
         let n = if light.is_delta() { 1 } else { self.shadow_points.len() };
+        let view = light.seen_from(surface.position, surface.shading_normal);
         let mut sums = ShadowSums { sent: 0.0, arrived: Rgb::BLACK };
         for &point in &self.shadow_points[..n] {
             let u = scramble(point, bits);
-            let Some(sample) = light.sample(surface.position, surface.shading_normal, u) else {
-                continue;
-            };
+            let Some(sample) = view.sample(u) else { continue };
             sums.sent += sample.irradiance.mean();
             if self.unoccluded(surface, sample.toward, work) {
                 sums.arrived += sample.irradiance;
@@ -102,7 +101,8 @@ impl Shader<'_> {
         let mut samples = std::mem::take(&mut work.light_samples);
         samples.clear();
         let points = self.shadow_points.iter().map(|&point| scramble(point, bits));
-        samples.extend(points.filter_map(|u| of_light.sample(position, normal, u)));
+        let view = of_light.seen_from(position, normal);
+        samples.extend(points.filter_map(|u| view.sample(u)));
         let sent: Rgb = samples.iter().map(|s| s.irradiance).sum();
         // Every so much of what is sent, from a random start, a ray goes to the point that sends it.
         let step = sent.mean() / rays as f32;
