@@ -31,6 +31,12 @@ pub struct Args {
     /// Width and height of the picture, in pixels [default: those of a scene of Mitsuba, or 512x512]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = parse_size)]
     pub resolution: Option<ImageSize>,
+    /// Eye rays for each pixel: N x N, through the middles of its subpixels
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub supersample: u32,
+    /// How pixels are made of subpixels
+    #[arg(long, value_enum, default_value_t = Filter::Box)]
+    pub filter: Filter,
     /// Which pixels are computed
     #[arg(long, value_enum, default_value_t = Mode::Paper)]
     pub mode: Mode,
@@ -55,6 +61,26 @@ pub struct Args {
     /// Options that all programs have.
     #[command(flatten)]
     pub common: Common,
+}
+
+impl Args {
+    /// Width and height in subpixels of a picture of this size.
+    pub(crate) fn subpixels(&self, ImageSize { width, height }: ImageSize) -> ImageSize {
+        ImageSize { width: width * self.supersample, height: height * self.supersample }
+    }
+}
+
+/// How pixels are made of subpixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Filter {
+    /// The mean of those of the pixel
+    Box,
+    /// Less with the distance, up to a pixel
+    Tent,
+    /// A normal distribution, up to 1.5 pixels
+    Gaussian,
+    /// The cubics of Mitchell and Netravali, up to two pixels: sharp
+    Mitchell,
 }
 
 /// Which pixels are computed.

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use base::{Component, Grid, ImageSize, Inventory, Rgb};
+use base::{Component, Components, Grid, ImageSize, Inventory, Pixel, Rgb};
 use cache_map::Origin;
 use cli::Interrupt;
-use film::{Format, Picture};
+use film::{Filter, Format, Picture};
 use geometry::Surface;
 use rayon::prelude::*;
 use serde_json::json;
@@ -43,6 +43,10 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     }
     if let Some(ImageSize { width, height }) = args.resolution {
         option("--resolution", format!("{width}x{height}"));
+    }
+    if args.supersample > 1 || filter(args) != Filter::Box {
+        option("--supersample", args.supersample.to_string());
+        option("--filter", filter(args).name().into());
     }
     option("--seed", args.seed.to_string());
     option("--shadow-rays", shading.shadow_rays.to_string());
@@ -96,10 +100,16 @@ pub(crate) fn write(
     let background = frame.shader().background();
     let emission =
         Grid::from_fn(frame.size(), |p| frame.point(p).map_or(background, |point| point.emitted()));
-    let whole = Grid::from_fn(frame.size(), |p| {
+    let to_pixels = |subpixels: &Grid<Rgb>| match (args.supersample, filter(args)) {
+        (1, Filter::Box) => subpixels.clone(),
+        (n, filter) => film::reconstruct(subpixels, n, filter),
+    };
+    let emission = to_pixels(&emission);
+    let components = Components::from_fn(|component| to_pixels(&rendered.values[component]));
+    let whole = Grid::from_fn(emission.size(), |p| {
         Component::ALL
             .into_iter()
-            .fold(emission[p], |sum, component| sum + rendered.values[component][p])
+            .fold(emission[p], |sum, component| sum + components[component][p])
     });
     interrupt.check()?;
     for path in &args.output {
@@ -107,7 +117,7 @@ pub(crate) fn write(
         match Format::of(path)? {
             Format::Png => film::write_png(path, existing, &whole, args.exposure)?,
             Format::Exr => {
-                let picture = layers(args, frame, rendered, inputs, &emission, &whole);
+                let picture = layers(args, frame, rendered, inputs, &emission, &components, &whole);
                 interrupt.check()?;
                 film::write_exr(path, existing, &picture)?
             }
@@ -127,9 +137,9 @@ fn layers(
     rendered: &Rendered,
     inputs: &Inventory,
     emission: &Grid<Rgb>,
+    components: &Components<Grid<Rgb>>,
     whole: &Grid<Rgb>,
 ) -> Picture {
-    let size = frame.size();
     let counts = rendered.counts;
     let metadata = json!({
         "command": command(args),
@@ -140,36 +150,43 @@ fn layers(
         "photons_visited": counts.photons_visited,
         "error": rendered.adaptive.as_ref().map(|a| a.error),
     });
-    let mut picture = Picture::new(size, metadata.to_string());
+    let mut picture = Picture::new(whole.size(), metadata.to_string());
     picture.push_rgb("", whole);
     for component in Component::ALL {
-        picture.push_rgb(layer(component), &rendered.values[component]);
+        picture.push_rgb(layer(component), &components[component]);
     }
     picture.push_rgb("emission", emission);
-    push_surfaces(&mut picture, frame);
+    push_surfaces(&mut picture, frame, args.supersample);
     for component in Component::ALL {
-        push_history(&mut picture, component, rendered);
+        push_history(&mut picture, component, rendered, args.supersample);
     }
     picture
 }
 
-/// What the eye sees first: position, normals on the side of the eye, albedo, depth. All 0 where there is no surface.
-fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>) {
+/// What the eye sees first: position, normals on the side of the eye, albedo, depth; the mean of the subpixels that show
+/// a surface. All 0 where none does.
+fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>, n: u32) {
     const NAMES: [&str; 13] = [
         "P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "Ns.X", "Ns.Y", "Ns.Z", "Albedo.R", "Albedo.G",
         "Albedo.B", "Z",
     ];
-    let size = frame.size();
+    let size = picture.size();
     let camera = &frame.shader().scene.camera;
+    let of_subpixel = |pixel: Pixel| {
+        let ShadingPoint { facing, albedo: a, .. } = frame.point(pixel)?;
+        let Surface { position: p, geometric_normal: n, shading_normal: ns, .. } = facing;
+        let depth = camera.depth(p);
+        Some([p.x, p.y, p.z, n.x, n.y, n.z, ns.x, ns.y, ns.z, a.r, a.g, a.b, depth])
+    };
     let pixels: Vec<[f32; 13]> = (0..size.n_pixels())
         .into_par_iter()
         .map(|i| {
-            let Some(ShadingPoint { facing, albedo: a, .. }) = frame.point(size.pixel(i)) else {
-                return [0.0; 13];
-            };
-            let Surface { position: p, geometric_normal: n, shading_normal: ns, .. } = facing;
-            let depth = camera.depth(p);
-            [p.x, p.y, p.z, n.x, n.y, n.z, ns.x, ns.y, ns.z, a.r, a.g, a.b, depth]
+            let (mut sum, mut count) = ([0.0_f32; 13], 0.0_f32);
+            for values in subpixels(size.pixel(i), n).filter_map(of_subpixel) {
+                sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+                count += 1.0;
+            }
+            sum.map(|v| v / count.max(1.0))
         })
         .collect();
     for (channel, name) in NAMES.into_iter().enumerate() {
@@ -177,30 +194,53 @@ fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>) {
     }
 }
 
-/// Whether, and why, a component was computed at each pixel.
-fn push_history(picture: &mut Picture, component: Component, rendered: &Rendered) {
+/// The subpixels of a pixel.
+fn subpixels(pixel: Pixel, n: u32) -> impl Iterator<Item = Pixel> {
+    (0..n * n).map(move |i| Pixel { x: pixel.x * n + i % n, y: pixel.y * n + i / n })
+}
+
+/// Whether, and why, a component was computed at each pixel: the share of its subpixels, and of reasons and levels the
+/// greatest number.
+fn push_history(picture: &mut Picture, component: Component, rendered: &Rendered, n: u32) {
     let name = layer(component);
-    let origins = rendered.origins[component].values();
+    let origins = &rendered.origins[component];
+    let (size, fine) = (picture.size(), origins.size());
     let computed = |o: &Origin| matches!(o, Origin::Sampled | Origin::Traced);
+    let over = |start: f32, f: &dyn Fn(f32, Pixel) -> f32| -> Vec<f32> {
+        (0..size.n_pixels()).map(|i| subpixels(size.pixel(i), n).fold(start, f)).collect()
+    };
+    let share = 1.0 / (n * n) as f32;
     picture.push(
         format!("traced.{name}"),
-        origins.iter().map(|o| f32::from(u8::from(computed(o)))).collect(),
+        over(0.0, &|sum, p| sum + share * f32::from(u8::from(computed(&origins[p])))),
     );
     let reason = format!("reason.{name}");
     match &rendered.adaptive {
         None => {
-            let number = |o: &Origin| match o {
-                Origin::None | Origin::Known | Origin::Interpolated => 0.0,
-                Origin::Sampled => 1.0,
-                Origin::Traced => 2.0,
+            let number = |o: &Origin| -> f32 {
+                match o {
+                    Origin::None | Origin::Known | Origin::Interpolated => 0.0,
+                    Origin::Sampled => 1.0,
+                    Origin::Traced => 2.0,
+                }
             };
-            picture.push(reason, origins.iter().map(number).collect());
+            picture.push(reason, over(0.0, &|most, p| number(&origins[p]).max(most)));
         }
         Some(history) => {
-            let numbers = history.reasons[component].iter().map(|&r| f32::from(r as u8));
-            picture.push(reason, numbers.collect());
-            let levels = history.levels[component].iter().map(|&l| f32::from(l));
-            picture.push(format!("level.{name}"), levels.collect());
+            let (reasons, levels) = (&history.reasons[component], &history.levels[component]);
+            let number = |p: Pixel| f32::from(reasons[fine.index(p)] as u8);
+            picture.push(reason, over(0.0, &|most, p| number(p).max(most)));
+            let level = |p: Pixel| f32::from(levels[fine.index(p)]);
+            picture.push(format!("level.{name}"), over(0.0, &|most, p| level(p).max(most)));
         }
+    }
+}
+
+fn filter(args: &Args) -> Filter {
+    match args.filter {
+        crate::args::Filter::Box => Filter::Box,
+        crate::args::Filter::Tent => Filter::Tent,
+        crate::args::Filter::Gaussian => Filter::Gaussian,
+        crate::args::Filter::Mitchell => Filter::Mitchell,
     }
 }

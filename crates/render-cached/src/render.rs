@@ -109,7 +109,7 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
         &inputs.map(paths).collect::<Vec<_>>(),
         args.common.existing(),
     )?;
-    args.resolution.map_or(Ok(()), check_memory)?;
+    args.resolution.map_or(Ok(()), |size| check_memory(args.subpixels(size)))?;
     args.common.thread_pool()
 }
 
@@ -122,7 +122,7 @@ fn check_memory(size: ImageSize) -> anyhow::Result<()> {
         let ImageSize { width, height } = size;
         bail!(
             "a picture of {width}x{height} pixels needs {} GB of memory, which the system refuses; \
-             ask for fewer with --resolution",
+             ask for fewer with --resolution or --supersample",
             bytes.div_ceil(1_000_000_000)
         );
     }
@@ -144,7 +144,7 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     let scene = loaded.scene;
     let usual = ImageSize { width: 512, height: 512 };
     let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
-    check_memory(resolution)?;
+    check_memory(args.subpixels(resolution))?;
     // Whatever tells of this picture names its size.
     let args = &Args { resolution: Some(resolution), ..args.clone() };
     let photons = photons::open(photons_path, scene_path, &args.scene_options, &scene)?;
@@ -157,8 +157,9 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     }
 
     let shader = Shader::new(&scene, &photons, settings);
+    let subpixels = args.subpixels(resolution);
     let traced = progress
-        .run("eye rays", resolution.n_pixels(), |watch| Frame::trace(shader, resolution, watch));
+        .run("eye rays", subpixels.n_pixels(), |watch| Frame::trace(shader, subpixels, watch));
     let (frame, eye_counts) = traced?;
     let primary = clock.lap();
 
@@ -185,7 +186,7 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     let write = clock.lap();
 
     let stages = stats::Stages { load, primary, write, total: clock.total() };
-    let stats = stats::Stats::new(args, &frame, &rendered, &photons, &stages);
+    let stats = stats::Stats::new(args, &rendered, &photons, &stages);
     stats.say(&console);
     if let Some(path) = &args.common.stats {
         cli::write_stats(path, args.common.existing(), &stats)?;

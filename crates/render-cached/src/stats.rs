@@ -7,7 +7,6 @@ use photon_map::PhotonMaps;
 use serde::Serialize;
 
 use crate::adaptive::ErrorReport;
-use crate::frame::Frame;
 use crate::render::Rendered;
 use crate::{Args, Mode};
 
@@ -34,6 +33,7 @@ pub(crate) struct Stats {
     seconds: StageSeconds,
     cpu_seconds: StageSeconds,
     /// Pixels that this run has computed. What was loaded from a cache map is neither here nor among the interpolated.
+    /// Supersampled, all three count subpixels.
     traced: Components<u64>,
     interpolated: Components<u64>,
     /// Pixels whose values mode adaptive has taken from the file of `--from-cache`.
@@ -69,11 +69,11 @@ struct Rays {
 impl Stats {
     pub(crate) fn new(
         args: &Args,
-        frame: &Frame<'_>,
         rendered: &Rendered,
         photons: &PhotonMaps,
         stages: &Stages,
     ) -> Self {
+        let size = rendered.origins.direct.size();
         let count = |wanted: Origin| {
             Components::from_fn(|component| {
                 let origins = rendered.origins[component].values();
@@ -104,8 +104,8 @@ impl Stats {
                 Mode::Paper => "paper",
                 Mode::Adaptive => "adaptive",
             },
-            resolution: [frame.size().width, frame.size().height],
-            supersample: 1,
+            resolution: [size.width / args.supersample, size.height / args.supersample],
+            supersample: args.supersample,
             seed: args.seed,
             threads: rayon::current_num_threads(),
             photons_fingerprint: photons.fingerprint().to_string(),
@@ -130,7 +130,7 @@ impl Stats {
     /// The account for people.
     pub(crate) fn say(&self, console: &Console) {
         let [w, h] = self.resolution;
-        let n_pixels = f64::from(w) * f64::from(h);
+        let n_pixels = f64::from(w) * f64::from(h) * f64::from(self.supersample).powi(2);
         for component in Component::ALL {
             let (traced, cpu) = (self.traced[component], self.cpu_of(component));
             let percent = |n: u64| n as f64 / n_pixels * 100.0;

@@ -33,7 +33,7 @@ pub(crate) fn measure(
     account: &mut Account<'_, '_>,
 ) -> Result<Report, Interrupted> {
     let size = frame.size();
-    let pixels = choose(size, args.seed, round);
+    let pixels = choose(size, args.supersample, args.seed, round);
     let shader = frame.shader();
     let truth = account.overhead(&pixels, |&pixel, work| {
         frame.at(pixel, work, |point, stream, work| {
@@ -85,8 +85,10 @@ pub(crate) fn measure(
     Ok(Report { estimate, worst, glossy_is_worst })
 }
 
-fn choose(size: ImageSize, seed: u64, round: usize) -> Vec<Pixel> {
-    let n = ((size.n_pixels() as f64 * SHARE) as usize).max(FEWEST).min(size.n_pixels());
+fn choose(size: ImageSize, supersample: u32, seed: u64, round: usize) -> Vec<Pixel> {
+    // Subpixels are more, but what is to be known is the same.
+    let share = SHARE / f64::from(supersample).powi(2);
+    let n = ((size.n_pixels() as f64 * share) as usize).max(FEWEST).min(size.n_pixels());
     let mut rng = Rng::new(seed, Stream::HoldOut, round as u64);
     // One in each of n stretches of the picture, so that none is taken twice.
     let stretch = |i: usize| i * size.n_pixels() / n;

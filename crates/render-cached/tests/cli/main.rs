@@ -14,4 +14,5 @@ mod mitsuba;
 mod outputs;
 mod pictures;
 mod records;
+mod supersample;
 mod usage;

@@ -108,6 +108,6 @@ fn pictures_beyond_memory_are_refused() {
         .current_dir(bench.path(""))
         .assert()
         .code(1)
-        .stderr("render-cached: a picture of 5000x5000 pixels needs 10 GB of memory, which the system refuses; ask for fewer with --resolution\n");
+        .stderr("render-cached: a picture of 5000x5000 pixels needs 10 GB of memory, which the system refuses; ask for fewer with --resolution or --supersample\n");
     assert!(bench.files() == before);
 }
