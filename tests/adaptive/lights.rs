@@ -41,7 +41,7 @@ material = "white"
 #[test]
 fn many_lights_cost_less_than_in_the_original() {
     for n in [1, 10, 300] {
-        let pair = Bench::of_text(&hall(n), "20K").both("--resolution 128x128 --shadow-rays 8");
+        let pair = Bench::of_text(&hall(n), "20K").both("--resolution 192x192 --shadow-rays 8");
         let of = |p| metadata(p)["rays"]["shadow"].as_u64().unwrap();
         let (ours, theirs) = (of(&pair.adaptive), of(&pair.original));
         let flip = pair.difference("").flip;
@@ -50,6 +50,13 @@ fn many_lights_cost_less_than_in_the_original() {
             let folder = pair.show(&format!("adaptive-{n}-lights"), "");
             panic!("{n} lights: {flip:?}, see {}", folder.display());
         }
-        assert!(4 * ours < 3 * theirs, "{n} lights: {ours} shadow rays instead of {theirs}");
+        // Four lights have a visibility of their own; all others share one, and few rays. With one light all may be
+        // computed, where that takes less time than interpolating.
+        let most = match n {
+            1 => theirs + theirs / 20,
+            10 => theirs / 2,
+            _ => theirs / 10,
+        };
+        assert!(ours <= most, "{n} lights: {ours} shadow rays instead of {theirs}");
     }
 }

@@ -87,7 +87,7 @@ fn a_wire_mesh() {
         ]
     });
     // Hard shadows of wires, a pixel wide, are lost here and there: not every pixel is verified.
-    assert_kept("wire-mesh", &wires.collect::<String>(), 0.0005);
+    assert_kept("wire-mesh", &wires.collect::<String>(), SHARE_ABOVE);
 }
 
 /// From one to three pixels wide, at all angles.

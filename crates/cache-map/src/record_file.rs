@@ -32,7 +32,7 @@ pub struct RecordSet {
     pub views: Vec<Fingerprint>,
     /// Visibility of lights, by their number in the scene, ascending.
     pub visibility: Vec<(u32, Records<f32>)>,
-    /// Irradiance from all other lights together.
+    /// The part of the irradiance from all other lights together that arrives, by channel.
     pub rest: Records<Rgb>,
     /// Indirect irradiance.
     pub indirect: Records<Rgb>,

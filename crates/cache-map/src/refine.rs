@@ -70,6 +70,8 @@ pub enum Reason {
     Reused = 7,
     /// It wasn't: saved records around it agree what it is.
     Nearby = 8,
+    /// The whole picture was computed: it is too small, or too cheap, for a cache to pay.
+    Whole = 9,
 }
 
 impl Reason {

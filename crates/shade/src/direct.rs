@@ -37,8 +37,8 @@ impl Shader<'_> {
             Some(u) if u.is_black() => Rgb::BLACK,
             Some(u) => u * self.visibility(light, surface, stream, work),
             None => {
-                self.shadow_sums(light, surface, stream, work).arrived
-                    / self.settings.shadow_rays as f32
+                let rays = self.shadow_points.len();
+                self.shadow_sums(light, rays, surface, stream, work).arrived / rays as f32
             }
         }
     }
@@ -51,20 +51,33 @@ impl Shader<'_> {
         stream: PixelStream,
         work: &mut Work,
     ) -> f32 {
-        let sums = self.shadow_sums(light, surface, stream, work);
+        self.visibility_by(light, self.shadow_points.len(), surface, stream, work)
+    }
+
+    /// The same from fewer rays, if they are fewer.
+    pub(crate) fn visibility_by(
+        &self,
+        light: usize,
+        rays: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> f32 {
+        let sums = self.shadow_sums(light, rays, surface, stream, work);
         if sums.sent > 0.0 { sums.arrived.mean() / sums.sent } else { 0.0 }
     }
 
     fn shadow_sums(
         &self,
         light: usize,
+        rays: usize,
         surface: &Surface,
         stream: PixelStream,
         work: &mut Work,
     ) -> ShadowSums {
         let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
         let light = &self.scene.lights[light];
-        let n = if light.is_delta() { 1 } else { self.shadow_points.len() };
+        let n = if light.is_delta() { 1 } else { rays.min(self.shadow_points.len()) };
         let view = light.seen_from(surface.position, surface.shading_normal);
         let mut sums = ShadowSums { sent: 0.0, arrived: Rgb::BLACK };
         for &point in &self.shadow_points[..n] {

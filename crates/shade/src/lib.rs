@@ -9,6 +9,7 @@ mod coverage;
 mod direct;
 mod glossy;
 mod indirect;
+mod lights;
 mod point;
 mod shader;
 mod specular;

@@ -19,6 +19,7 @@ pub(crate) fn text(mode: &str, reason: u8) -> String {
             "traced: held out to measure the error",
             "reused: a saved record lies at this point",
             "reused: the saved records around it agree",
+            "traced: the whole picture was, since that is cheaper",
         ][..],
     };
     known

@@ -80,6 +80,17 @@ impl<'x, 'a> Account<'x, 'a> {
         Ok(values)
     }
 
+    /// Work done so far.
+    pub(crate) fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Work done and time spent, where all of it was the cache's own.
+    pub(crate) fn close(mut self) -> (Counts, Seconds) {
+        self.cache += self.clock.lap();
+        (self.counts, self.cache)
+    }
+
     pub(crate) fn finish(
         mut self,
         values: Components<Grid<Rgb>>,

@@ -1,21 +1,29 @@
 //! Direct light: unshadowed irradiance in closed form, times cached visibility, verified by rays.
 
 use base::{Component, Interrupted, Pixel, Rgb};
-use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance};
-use scene::Light;
+use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance, refine};
 
 use super::indirect::Indirect;
 use super::records::{Saved, Source};
 use super::{Account, COARSEST, View};
 
-/// Lights whose visibility is cached each on its own. The others share a layer of irradiance.
+/// Lights whose visibility is cached each on its own. The others share one.
 const MAX_SEPARATE: usize = 4;
+
+/// Shadow rays that the lights which share a visibility share too, at least.
+const FEWEST_SHARED_RAYS: u32 = 256;
+
+/// The part of the error that unshadowed irradiance may make: it costs little, so it is never what is seen.
+const UNSHADOWED_SHARE: f32 = 0.1;
+
+/// The widest spacing of unshadowed irradiance.
+const UNSHADOWED_COARSEST: u32 = 8;
 
 /// Direct irradiance at every pixel.
 #[derive(Debug)]
 pub(crate) struct Direct {
     lights: Vec<CachedLight>,
-    /// Irradiance from all other lights together.
+    /// All other lights together.
     rest: Option<Rest>,
     /// Luminance of the whole irradiance.
     luminance: Vec<f32>,
@@ -31,19 +39,22 @@ pub(crate) struct CachedLight {
     source: Source<f32>,
 }
 
-/// Lights that share a layer of irradiance.
+/// Lights that share a visibility: the part of their unshadowed irradiance that arrives, by channel.
 #[derive(Debug)]
 struct Rest {
     lights: Vec<usize>,
-    layer: Layer<Rgb>,
+    unshadowed: Vec<Rgb>,
+    visibility: Layer<Rgb>,
     source: Source<Rgb>,
 }
 
 impl Direct {
-    /// Computes the unshadowed irradiance of the strongest lights everywhere.
+    /// Finds the unshadowed irradiance everywhere.
     pub(crate) fn start(
         view: &View,
+        indirect: &Indirect,
         saved: &Saved,
+        error: f32,
         account: &mut Account<'_, '_>,
     ) -> Result<Self, Interrupted> {
         let scene = account.frame.shader().scene;
@@ -57,29 +68,34 @@ impl Direct {
         let n = view.size().n_pixels();
         let mut lights = Vec::new();
         for &light in &separate {
-            let source: &Light = &scene.lights[light];
-            let unshadowed = account.items(Component::Direct, view.sites.values(), |site, _| {
-                let site = site.as_ref()?;
-                source.unshadowed_irradiance(site.position.into(), site.normal.into())
-            })?;
-            let unshadowed = unshadowed.into_iter().map(|u| u.unwrap_or(Rgb::BLACK)).collect();
+            let unshadowed = unshadowed(&[light], view, indirect, error, account)?;
             let source = saved.visibility(light);
             lights.push(CachedLight { light, unshadowed, visibility: Layer::new(n), source });
         }
         let others: Vec<usize> =
             (0..scene.lights.len()).filter(|l| !separate.contains(l)).collect();
-        let rest = (!others.is_empty()).then(|| Rest {
-            lights: others,
-            layer: Layer::new(n),
-            source: saved.source(&saved.set.rest),
-        });
+        let mut rest = None;
+        if !others.is_empty() {
+            rest = Some(Rest {
+                unshadowed: unshadowed(&others, view, indirect, error, account)?,
+                lights: others,
+                visibility: Layer::new(n),
+                source: saved.source(&saved.set.rest),
+            });
+        }
         Ok(Self { lights, rest, luminance: vec![0.0; n] })
     }
 
     pub(crate) fn irradiance(&self, index: usize) -> Rgb {
         let separate: Rgb =
             self.lights.iter().map(|l| l.unshadowed[index] * l.visibility.values[index]).sum();
-        separate + self.rest.as_ref().map_or(Rgb::BLACK, |rest| rest.layer.values[index])
+        separate + self.rest_irradiance(index)
+    }
+
+    /// Irradiance from the lights that share a visibility.
+    pub(crate) fn rest_irradiance(&self, index: usize) -> Rgb {
+        let of_rest = |rest: &Rest| rest.unshadowed[index] * rest.visibility.values[index];
+        self.rest.as_ref().map_or(Rgb::BLACK, of_rest)
     }
 
     /// Luminance of [`Direct::irradiance`].
@@ -90,11 +106,6 @@ impl Direct {
 
     pub(crate) fn lights(&self) -> &[CachedLight] {
         &self.lights
-    }
-
-    /// Irradiance of the lights that share a layer.
-    pub(crate) fn rest(&self) -> Option<&Layer<Rgb>> {
-        self.rest.as_ref().map(|rest| &rest.layer)
     }
 
     /// All that is known of direct light, for good.
@@ -109,8 +120,8 @@ impl Direct {
             (cached.light as u32, cached.source.with(layer, |i| point(layer.levels[i], i)))
         };
         set.visibility = self.lights.iter().map(of_light).collect();
-        if let Some(Rest { layer, source, .. }) = &self.rest {
-            set.rest = source.with(layer, |i| point(layer.levels[i], i));
+        if let Some(Rest { visibility, source, .. }) = &self.rest {
+            set.rest = source.with(visibility, |i| point(visibility.levels[i], i));
         }
     }
 
@@ -118,7 +129,7 @@ impl Direct {
     pub(crate) fn uses_nearby(&self) -> bool {
         let mut layers = self.lights.iter().map(|l| &l.visibility.reasons);
         layers.any(|r| r.contains(&Reason::Nearby))
-            || self.rest.as_ref().is_some_and(|r| r.layer.reasons.contains(&Reason::Nearby))
+            || self.rest.as_ref().is_some_and(|r| r.visibility.reasons.contains(&Reason::Nearby))
     }
 
     /// Why any light was traced at each pixel.
@@ -127,7 +138,7 @@ impl Direct {
             .lights
             .iter()
             .map(|l| &l.visibility.reasons)
-            .chain(self.rest.iter().map(|r| &r.layer.reasons));
+            .chain(self.rest.iter().map(|r| &r.visibility.reasons));
         let mut reasons = vec![Reason::Interpolated; self.luminance.len()];
         for layer in layers {
             for (reason, &r) in reasons.iter_mut().zip(layer) {
@@ -147,7 +158,7 @@ impl Direct {
             .lights
             .iter()
             .map(|l| &l.visibility.levels)
-            .chain(self.rest.iter().map(|r| &r.layer.levels))
+            .chain(self.rest.iter().map(|r| &r.visibility.levels))
             .next();
         first.cloned().unwrap_or_else(|| vec![0; self.luminance.len()])
     }
@@ -164,7 +175,10 @@ impl Direct {
             (0..self.luminance.len()).map(|i| indirect.ambient(view, i)).collect();
         let shader = account.frame.shader();
         for CachedLight { light, unshadowed, visibility, source } in &mut self.lights {
-            let rule = LightRule { view, unshadowed, known: &known, floor: indirect.floor() };
+            // A single ray tells all of a point's visibility: nothing is cheaper.
+            let coarsest = if shader.light(*light).is_delta() { 1 } else { COARSEST };
+            let floor = indirect.floor();
+            let rule = LightRule { view, unshadowed, known: &known, floor, coarsest };
             source.refine(
                 &view.lattice,
                 visibility,
@@ -179,16 +193,22 @@ impl Direct {
                     })
                 },
             )?;
-            verify(view, *light, visibility, source, &rule, tolerance, account)?;
+            if coarsest > 1 {
+                verify(view, *light, visibility, source, &rule, tolerance, account)?;
+            }
             for (i, known) in known.iter_mut().enumerate() {
                 *known += unshadowed[i].luminance() * visibility.values[i];
             }
         }
-        if let Some(Rest { lights, layer, source }) = &mut self.rest {
-            let rule = RestRule { view, known: &known, floor: indirect.floor() };
+        if let Some(Rest { lights, unshadowed, visibility, source }) = &mut self.rest {
+            let rule = RestRule { view, unshadowed, known: &known, floor: indirect.floor() };
+            let rays = (shader.settings.shadow_rays * MAX_SEPARATE as u32).max(FEWEST_SHARED_RAYS);
+            // Their chance is no structure.
+            let noise = 0.5 / (rays as f32).sqrt();
+            let tolerance = Tolerance { error: tolerance.error + noise, ..tolerance };
             source.refine(
                 &view.lattice,
-                layer,
+                visibility,
                 COARSEST,
                 &rule,
                 tolerance,
@@ -196,10 +216,7 @@ impl Direct {
                 account,
                 |account, pixels: &[Pixel]| {
                     account.pixels(Component::Direct, pixels, |point, stream, work| {
-                        lights
-                            .iter()
-                            .map(|&l| shader.irradiance_from(l, &point.facing, stream, work))
-                            .sum()
+                        shader.visibility_of_lights(lights, &point.facing, stream, rays, work)
                     })
                 },
             )?;
@@ -214,6 +231,7 @@ struct LightRule<'x> {
     unshadowed: &'x [Rgb],
     known: &'x [f32],
     floor: f32,
+    coarsest: u32,
 }
 
 impl Rule<f32> for LightRule<'_> {
@@ -225,37 +243,85 @@ impl Rule<f32> for LightRule<'_> {
         self.floor + irradiance * self.view.gain(index)
     }
     fn spacing(&self, _: usize) -> u32 {
-        COARSEST
+        self.coarsest
     }
 }
 
 struct RestRule<'x> {
     view: &'x View,
+    unshadowed: &'x [Rgb],
     known: &'x [f32],
     floor: f32,
 }
 
 impl Rule<Rgb> for RestRule<'_> {
     fn gain(&self, index: usize) -> f32 {
-        self.view.gain(index)
+        self.view.gain(index) * self.unshadowed[index].luminance()
     }
     fn reference(&self, index: usize, predicted: Rgb) -> f32 {
-        self.floor + (self.known[index] + predicted.luminance()) * self.view.gain(index)
+        let irradiance = self.known[index] + (self.unshadowed[index] * predicted).luminance();
+        self.floor + irradiance * self.view.gain(index)
     }
     fn spacing(&self, _: usize) -> u32 {
         COARSEST
     }
 }
 
+/// Unshadowed irradiance from some lights at every pixel. It is smooth, and computed where its structure asks for it.
+fn unshadowed(
+    lights: &[usize],
+    view: &View,
+    indirect: &Indirect,
+    error: f32,
+    account: &mut Account<'_, '_>,
+) -> Result<Vec<Rgb>, Interrupted> {
+    struct UnshadowedRule<'x> {
+        view: &'x View,
+        indirect: &'x Indirect,
+    }
+    impl Rule<Rgb> for UnshadowedRule<'_> {
+        fn gain(&self, _: usize) -> f32 {
+            1.0
+        }
+        fn reference(&self, index: usize, predicted: Rgb) -> f32 {
+            self.indirect.ambient(self.view, index) + predicted.luminance()
+        }
+        fn spacing(&self, _: usize) -> u32 {
+            UNSHADOWED_COARSEST
+        }
+    }
+    let mut layer = Layer::new(view.size().n_pixels());
+    let tolerance = Tolerance { error: UNSHADOWED_SHARE * error, edge: 0.5 };
+    let rule = UnshadowedRule { view, indirect };
+    let shader = account.frame.shader();
+    refine(
+        &view.lattice,
+        &mut layer,
+        UNSHADOWED_COARSEST,
+        &rule,
+        tolerance,
+        &mut |pixels: &[Pixel]| {
+            account.pixels(Component::Direct, pixels, |point, stream, _| {
+                shader.unshadowed_irradiance(lights, &point.facing, stream)
+            })
+        },
+    )?;
+    Ok(layer.values)
+}
+
 /// Predictions beyond these count as certain: one ray that says otherwise proves them wrong.
 const SURELY_LIT: f32 = 0.98;
 const SURELY_DARK: f32 = 0.02;
 
+/// From so many shadow rays on, a ray in every other pixel is little beside them.
+const MANY_RAYS: u32 = 48;
+
 /// How far around a wrong prediction others are doubted, in pixels.
 const DOUBT: u32 = 2;
 
-/// A shadow ray for every other interpolated pixel, its place on the light stratified over blocks of 4x4 pixels. Where it
-/// contradicts the interpolation, the pixel is traced, and its neighbours as long as they too were wrong.
+/// A shadow ray for every other interpolated pixel (for every fourth, where computing a pixel takes few rays), its place
+/// on the light stratified over blocks of pixels. Where it contradicts the interpolation, the pixel is traced, and its
+/// neighbours as long as they too were wrong.
 fn verify(
     view: &View,
     light: usize,
@@ -273,22 +339,24 @@ fn verify(
     };
     let surfaces = account.frame.surfaces().values();
     let rows: Vec<u32> = (0..size.height).collect();
+    let rows_apart = if shader.settings.shadow_rays < MANY_RAYS { 2 } else { 1 };
     let contradicted = account.overhead(&rows, |&y, work| {
         let mut contradicted = Vec::new();
         for pixel in (0..size.width).map(|x| Pixel { x, y }) {
             let i = size.index(pixel);
             let value = visibility.values[i];
             let is_sure = !(SURELY_DARK..=SURELY_LIT).contains(&value);
-            // Every other pixel, as on a chessboard.
-            if (pixel.x + pixel.y) % 2 == 1 {
+            // Every other pixel, as on a chessboard, or the same of every other row.
+            if (pixel.x + pixel.y / rows_apart) % 2 == 1 || pixel.y % rows_apart != 0 {
                 continue;
             }
             let (Some(site), Some(surface)) = (&view.sites.values()[i], &surfaces[i]) else {
                 continue;
             };
             if is_sure && !visibility.is_exact(i) && matters(i, value) {
-                let in_block = (pixel.y % 4) * 2 + pixel.x % 4 / 2;
-                let block = u64::from(pixel.y / 4) << 32 | u64::from(pixel.x / 4);
+                let row = pixel.y / rows_apart;
+                let in_block = (row % 4) * 2 + pixel.x % 4 / 2;
+                let block = u64::from(row / 4) << 32 | u64::from(pixel.x / 4);
                 let facing = surface.facing(site.normal.into());
                 let free = shader.probe(light, &facing, in_block, block, work);
                 if free.is_some_and(|free| free != (value > 0.5)) {

@@ -271,10 +271,8 @@ pub(super) fn look_up(
     let mix = |value: &dyn Fn(usize) -> Rgb| -> Rgb {
         corners.iter().zip(weights).map(|(&i, w)| value(i) * w).sum()
     };
-    let mut irradiance = mix(&|i| indirect.irradiance(i) + caustic.irradiance(i));
-    if let Some(rest) = direct.rest() {
-        irradiance += mix(&|i| rest.values[i]);
-    }
+    let mut irradiance =
+        mix(&|i| indirect.irradiance(i) + caustic.irradiance(i) + direct.rest_irradiance(i));
     for cached in direct.lights() {
         let values = &cached.visibility.values;
         let visibility: f32 = corners.iter().zip(weights).map(|(&i, w)| values[i] * w).sum();

@@ -13,6 +13,7 @@ mod indirect;
 mod leaves;
 mod records;
 mod view;
+mod whole;
 
 use base::{Component, Components, Grid, Inventory, Rgb, math::FRAC_1_PI};
 use cache_map::{Reason, RecordSet, Tolerance};
@@ -49,6 +50,14 @@ pub(crate) fn render(
 ) -> anyhow::Result<Rendered> {
     let saved = records::Saved::open(args, frame, inputs)?;
     let mut account = Account::new(frame, clock, progress);
+    let has_file = args.paper.save_cache.is_some() || args.paper.from_cache.is_some();
+    if !has_file && !whole::cache_pays(&mut account)? {
+        let (counts, cache) = account.close();
+        let mut rendered = whole::render(args, frame, clock, progress)?;
+        rendered.counts += counts;
+        rendered.cache += cache;
+        return Ok(rendered);
+    }
     let view = View::new(frame);
     // Tolerances of the embedded pair and of edges, as multiples of the error aimed at. Found on the scenes of this
     // project; the pixels held out correct them where they don't fit.
@@ -68,7 +77,7 @@ pub(crate) fn render(
     };
     let mut tolerance = tolerances(&strictness);
     let mut indirect = indirect::Indirect::start(&view, &saved, tolerance.indirect, &mut account)?;
-    let mut direct = direct::Direct::start(&view, &saved, &mut account)?;
+    let mut direct = direct::Direct::start(&view, &indirect, &saved, args.error, &mut account)?;
     let mut caustic = caustic::Caustic::start(&view, &saved, &account);
     let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
     let mut glossy = glossy::Glossy::start(frame, specular.glossy_pixels());

@@ -63,7 +63,7 @@ fn the_same_view_is_reused_to_the_bit() {
 }
 
 #[test]
-fn glossy_reflections_are_reused_where_they_were() {
+fn glossy_reflections_are_computed_again_from_what_was_saved() {
     let bench = Bench::new();
     let metal = "metal = { type = \"metal\", preset = \"silver\"";
     bench.write("scene.toml", SCENE.replace(metal, &format!("{metal}, roughness = 0.3")));
@@ -72,8 +72,11 @@ fn glossy_reflections_are_reused_where_they_were() {
     bench.render(&format!("{adaptive} -o a.exr --save-cache a.cache --stats a.json"));
     bench.render(&format!("{adaptive} -o b.exr --from-cache a.cache --stats b.json"));
     assert_same_layers(&bench.picture("a.exr"), &bench.picture("b.exr"), &HISTORY);
-    assert!(counted(&bench.json("a.json"), "traced")[2] > 0);
-    assert_eq!(counted(&bench.json("b.json"), "traced"), [0; 4]);
+    let [_, _, fresh, _] = counted(&bench.json("a.json"), "traced");
+    let [direct, indirect, specular, caustic] = counted(&bench.json("b.json"), "traced");
+    assert_eq!([direct, indirect, caustic], [0; 3]);
+    // What a rough surface shows depends on the eye, and isn't saved; the ends of its chains are.
+    assert!(0 < specular && specular <= fresh, "{specular} of {fresh}");
 }
 
 #[test]
