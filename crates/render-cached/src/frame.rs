@@ -26,13 +26,36 @@ impl<'a> Frame<'a> {
         size: ImageSize,
         watch: Watch<'_>,
     ) -> Result<(Self, Counts), Interrupted> {
-        let pixels = pixels_by_tiles(size);
-        let (surfaces, counts) = for_each(&pixels, watch, |&pixel, work| {
-            shader.eye_point(&eye_ray(&shader, size, pixel), work).map(|point| point.surface)
-        })?;
-        let mut grid = Grid::from_fn(size, |_| None);
-        pixels.iter().zip(surfaces).for_each(|(&pixel, surface)| grid[pixel] = surface);
-        Ok((Self { shader, surfaces: grid }, counts))
+        // Straight into the picture: it is larger than any cache, and copies of it take as long as the rays.
+        let mut surfaces = vec![None; size.n_pixels()];
+        let width = size.width as usize;
+        // Bands of tiles, or, where there are too few to share, stretches of rows.
+        let stretch = if size.height >= 8 * TILE { width * TILE as usize } else { CHUNK };
+        let counts: Option<Vec<Counts>> = surfaces
+            .par_chunks_mut(stretch)
+            .enumerate()
+            .map(|(i, surfaces)| {
+                let first = i * stretch;
+                let mut work = Work::default();
+                for tile in (0..surfaces.len().min(width)).step_by(TILE as usize) {
+                    for row in (0..surfaces.len()).step_by(width) {
+                        let end = (row + width).min(surfaces.len());
+                        for at in (row + tile)..(row + tile + TILE as usize).min(end) {
+                            if !watch(0) {
+                                return None;
+                            }
+                            let ray = eye_ray(&shader, size, size.pixel(first + at));
+                            surfaces[at] =
+                                shader.eye_point(&ray, &mut work).map(|point| point.surface);
+                        }
+                    }
+                }
+                watch(surfaces.len() as u64).then_some(work.counts)
+            })
+            .collect();
+        let mut sum = Counts::default();
+        counts.ok_or(Interrupted)?.into_iter().for_each(|counts| sum += counts);
+        Ok((Self { shader, surfaces: Grid::from_values(size, surfaces) }, sum))
     }
 
     pub(crate) fn size(&self) -> ImageSize {
@@ -76,7 +99,7 @@ impl<'a> Frame<'a> {
         &self,
         pixel: Pixel,
         work: &mut Work,
-        f: impl Fn(&ShadingPoint<'a>, PixelStream, &mut Work) -> T,
+        f: impl FnOnce(&ShadingPoint<'a>, PixelStream, &mut Work) -> T,
     ) -> T {
         let stream = PixelStream(self.size().index(pixel) as u64);
         self.point(pixel).map_or_else(T::default, |point| f(&point, stream, work))

@@ -27,6 +27,9 @@ const COARSEST: u32 = 8;
 /// Paths seen in fewer pixels are traced.
 const FEWEST: usize = 64;
 
+/// Pixels whose chains are followed together.
+const TOGETHER: usize = 16;
+
 /// A diffuse surface at the end of a chain.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
@@ -92,30 +95,35 @@ impl Leaves {
                 .map(|s| &materials[s.material.0 as usize])
                 .is_some_and(|material| material.is_specular() && !material.is_rough())
         });
-        let chains = account.pixels(Component::Specular, &pixels, |point, stream, work| {
-            let (mut leaves, mut is_glossy) = (Vec::new(), false);
-            let emitted = shader.chain(point, stream, work, |leaf, _| {
-                is_glossy |= leaf.is_glossy;
-                if !leaf.is_glossy {
-                    let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
-                    let (path, stream, surface) = (leaf.path, leaf.stream, leaf.point.facing);
-                    leaves.push(Leaf { pixel: 0, path, weight, surface, stream });
-                }
-            });
-            (emitted, leaves, is_glossy)
+        // Some pixels at a time share their vectors: one for each would be as long as chains rarely are.
+        let groups: Vec<&[Pixel]> = pixels.chunks(TOGETHER).collect();
+        let chains = account.items(Component::Specular, &groups, |group, work| {
+            let (mut shown, mut leaves) = (Vec::with_capacity(group.len()), Vec::new());
+            for &pixel in *group {
+                let mut is_glossy = false;
+                let sum = frame.at(pixel, work, |point, stream, work| {
+                    let pixel = size.index(pixel) as u32;
+                    shader.chain(point, stream, work, |leaf, _| {
+                        is_glossy |= leaf.is_glossy;
+                        if !leaf.is_glossy {
+                            let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
+                            let (path, stream, surface) =
+                                (leaf.path, leaf.stream, leaf.point.facing);
+                            leaves.push(Leaf { pixel, path, weight, surface, stream });
+                        }
+                    })
+                });
+                shown.push((pixel, sum, is_glossy));
+            }
+            (shown, leaves)
         })?;
         let mut emitted = Grid::from_fn(size, |_| Rgb::BLACK);
-        let mut by_path = BTreeMap::<u64, Vec<Leaf>>::new();
         let mut glossy = Vec::new();
-        for (&pixel, (sum, ends, is_glossy)) in pixels.iter().zip(chains) {
+        for &(pixel, sum, is_glossy) in chains.iter().flat_map(|c| &c.0) {
             emitted[pixel] = sum;
             glossy.extend(is_glossy.then_some(pixel));
-            let pixel = size.index(pixel) as u32;
-            for leaf in ends {
-                by_path.entry(leaf.path).or_default().push(Leaf { pixel, ..leaf });
-            }
         }
-        let leaves: Vec<Leaf> = by_path.into_values().flatten().collect();
+        let leaves = by_path(chains.iter().flat_map(|c| &c.1));
         let traced = vec![None; leaves.len()];
         let source = saved.source(&saved.set.leaves);
         Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, glossy, source })
@@ -232,6 +240,26 @@ impl Leaves {
         }
         Ok(())
     }
+}
+
+/// Leaves by path, those of a path in the order in which they come.
+fn by_path<'l>(leaves: impl Iterator<Item = &'l Leaf> + Clone) -> Vec<Leaf> {
+    let mut places = BTreeMap::<u64, usize>::new();
+    leaves.clone().for_each(|leaf| *places.entry(leaf.path).or_default() += 1);
+    // From the numbers of leaves to where the first of a path goes.
+    let mut n = 0;
+    for place in places.values_mut() {
+        n += std::mem::replace(place, n);
+    }
+    let Some(any) = leaves.clone().next() else { return Vec::new() };
+    let mut sorted = vec![*any; n];
+    for leaf in leaves {
+        if let Some(place) = places.get_mut(&leaf.path) {
+            sorted[*place] = *leaf;
+            *place += 1;
+        }
+    }
+    sorted
 }
 
 /// The place of a leaf. What a pixel spans there is the distance to its neighbor in the row; 0 if it has none.

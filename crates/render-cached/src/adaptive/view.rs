@@ -25,7 +25,8 @@ impl View {
         let size = frame.size();
         let scene = frame.shader().scene;
         let eye = scene.camera.origin();
-        let (sites, albedo): (Vec<_>, Vec<_>) = (frame.surfaces().values().par_iter())
+        let (mut sites, mut albedo) = (Vec::new(), Vec::new());
+        (frame.surfaces().values().par_iter())
             .with_min_len(4096)
             .map(|surface| match surface {
                 Some(surface) if scene.material(surface).is_diffuse() => {
@@ -38,7 +39,7 @@ impl View {
                 }
                 _ => (None, Rgb::BLACK),
             })
-            .unzip();
+            .unzip_into_vecs(&mut sites, &mut albedo);
         let sites = Grid::from_values(size, sites);
         let lattice = Lattice::new(&sites, COARSEST);
         Self { size, sites, lattice, albedo, camera: scene.camera }
