@@ -39,14 +39,15 @@ impl<'a> Frame<'a> {
                 let mut work = Work::default();
                 for tile in (0..surfaces.len().min(width)).step_by(TILE as usize) {
                     for row in (0..surfaces.len()).step_by(width) {
-                        let end = (row + width).min(surfaces.len());
-                        for at in (row + tile)..(row + tile + TILE as usize).min(end) {
+                        let row_end = (row + width).min(surfaces.len());
+                        let start = (row + tile).min(row_end);
+                        let end = (start + TILE as usize).min(row_end);
+                        for (i, surface) in (first + start..).zip(&mut surfaces[start..end]) {
                             if !watch(0) {
                                 return None;
                             }
-                            let ray = eye_ray(&shader, size, size.pixel(first + at));
-                            surfaces[at] =
-                                shader.eye_point(&ray, &mut work).map(|point| point.surface);
+                            let ray = eye_ray(&shader, size, size.pixel(i));
+                            *surface = shader.eye_point(&ray, &mut work).map(|point| point.surface);
                         }
                     }
                 }
