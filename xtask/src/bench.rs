@@ -9,7 +9,7 @@ mod measure;
 mod micro;
 mod outside;
 mod paper;
-mod plan;
+pub(crate) mod plan;
 mod rates;
 mod raw;
 mod readme;

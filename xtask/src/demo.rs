@@ -7,6 +7,7 @@ use anyhow::Context;
 use base::Component;
 use film::{Difference, Existing, FlipStats};
 
+use crate::bench::plan::EXPOSURE;
 use crate::programs::{self, Call, Programs, root};
 use crate::stats::{self, BuildStats, RenderSeconds, RenderStats};
 use crate::table::Table;
@@ -63,7 +64,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut differences = vec![None];
     for rendered in &pictures[1..] {
         let picture = film::read_rgb(&root().join(&rendered.picture), "")?;
-        let (difference, map) = film::compare(&picture, &reference, 0.0)?;
+        let (difference, map) = film::compare(&picture, &reference, EXPOSURE)?;
         let path = difference_path(&rendered.picture);
         film::write_png(&root().join(path), Existing::Replace, &film::flip_picture(&map), 0.0)?;
         differences.push(Some(difference));
@@ -111,7 +112,7 @@ fn render_cached(
             "--resolution",
             &resolution,
             "--exposure",
-            "1",
+            &EXPOSURE.to_string(),
             "--force",
             "-q",
             "-o",

@@ -8,6 +8,7 @@ use anyhow::{Context, ensure};
 use base::{Grid, ImageSize, Pixel, Rgb};
 use film::{Existing, Picture};
 
+use crate::bench::plan::EXPOSURE;
 use crate::bench::reasons;
 use crate::bench::runs::SceneRuns;
 use crate::programs::root;
@@ -73,7 +74,7 @@ pub(crate) fn gallery(
         let difference = if mode == "original" {
             None
         } else {
-            let (_, map) = film::compare(&film::read_rgb(&path, "")?, &reference, 0.0)?;
+            let (_, map) = film::compare(&film::read_rgb(&path, "")?, &reference, EXPOSURE)?;
             Some(write_png(&path.with_extension("difference.png"), &film::flip_picture(&map))?)
         };
 

@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use serde_json::Value;
 
 use crate::bench::outside;
-use crate::bench::plan::{Plan, SceneFile};
+use crate::bench::plan::{EXPOSURE, Plan, SceneFile};
 use crate::bench::raw::{Pass, Quality, Record, Run, differences, digest, digest_folder};
 use crate::programs::{Call, root};
 use crate::stats;
@@ -216,7 +216,7 @@ fn quality(plan: &Plan, run: &Run) -> anyhow::Result<Option<Quality>> {
         return Ok(None);
     }
     let read = |mode: &str| film::read_rgb(&root().join(plan.picture(&run.scene, *size, mode)), "");
-    let (difference, _) = film::compare(&read(mode)?, &read("original")?, 0.0)?;
+    let (difference, _) = film::compare(&read(mode)?, &read("original")?, EXPOSURE)?;
     Ok(Some(difference.flip.into()))
 }
 

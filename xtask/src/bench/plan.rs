@@ -9,8 +9,9 @@ use crate::bench::Args;
 use crate::bench::settings::Settings;
 use crate::programs::{Call, Programs, from_root, root};
 
-/// Exposure of the pictures in the report, in stops. The Cornell box is dim at its published emission.
-const EXPOSURE: &str = "1";
+/// Exposure of the pictures in the report, in stops: mode adaptive aims at an error of what is shown, so FLIP is that of the
+/// same. The Cornell box is dim at its published emission.
+pub(crate) const EXPOSURE: f32 = 1.0;
 
 /// The scenes of the paper.
 const SCENES: [&str; 2] = ["cornell-box", "rabbit"];
@@ -135,7 +136,7 @@ impl Plan {
             .args([self.maps(&scene.name)])
             .args(["--mode", mode, "--resolution", &format!("{size}x{size}")])
             .args(self.settings.render_args())
-            .args(["--exposure", EXPOSURE, "-o"])
+            .args(["--exposure", &EXPOSURE.to_string(), "-o"])
             .args([&png]);
         if round == 0 {
             call = call.args(["-o"]).args([&picture]);
