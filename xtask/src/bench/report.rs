@@ -143,7 +143,7 @@ fn viewer(scene: &str, gallery: &Gallery) -> String {
     let size = gallery.size;
     format!(
         "<h3>Pictures</h3><p>{size}\u{d7}{size}. Move the handle to compare; point at a pixel, tap it, or use the arrow keys to look \
-         into it. Differences are FLIP, black for none; pictures are shown one stop brighter than FLIP sees them.</p>\
+         into it. Differences are FLIP, black for none; pictures and FLIP are one stop brighter than the layers.</p>\
          <div class=\"viewer\" data-scene=\"{scene}\"><div class=\"look\"><div class=\"choice\">\
          <label>left <select class=\"left\">{options}</select></label>\
          <label>right <select class=\"right\">{options}</select></label></div>\
