@@ -46,7 +46,8 @@ fn many_lights_cost_less_than_in_the_original() {
         let (ours, theirs) = (of(&pair.adaptive), of(&pair.original));
         let flip = pair.difference("").flip;
         println!("{n} lights: {ours} shadow rays, {theirs} in mode original; {flip:?}");
-        if flip.mean > 0.02 {
+        // Half of this is usual; lights that got a ray by chance and count for no others make it 0.017.
+        if flip.mean > 0.01 {
             let folder = pair.show(&format!("adaptive-{n}-lights"), "");
             panic!("{n} lights: {flip:?}, see {}", folder.display());
         }
