@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use base::Share;
 use cli::{Common, SceneOptions, parse_count};
 
 /// Shoot photons into a scene and save photon maps
@@ -39,6 +40,9 @@ pub struct Args {
     /// Surfaces that a photon may meet; what is cut off there is reported
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..))]
     pub max_bounces: u32,
+    /// Trace share I of N only, and save it for `photon-build merge`, which makes of all N what one run makes
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Share>,
     /// How a scene of Mitsuba is read.
     #[command(flatten)]
     pub scene_options: SceneOptions,
@@ -62,4 +66,20 @@ pub enum Command {
         /// The map
         map: PathBuf,
     },
+    /// Join the shards that --shard has made, in any order, to the maps that one run makes
+    Merge(Merge),
+}
+
+/// Shards to be joined.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Merge {
+    /// All shards of one run
+    #[arg(required = true)]
+    pub shards: Vec<PathBuf>,
+    /// Where the photon maps go
+    #[arg(short, long, value_name = "MAPS.photons")]
+    pub output: PathBuf,
+    /// Options that all programs have.
+    #[command(flatten)]
+    pub common: Common,
 }

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context, bail};
-use base::Inventory;
-use cli::{Clock, Console, Interrupt, WrongUsage};
-use photon_map::{Metadata, PhotonMaps, PhotonSet};
+use base::{Photon, Share};
+use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
+use photon_map::{Loose, Metadata, PhotonMaps, ShardMetadata, largest_flux};
 use photon_trace::{Account, Budget, Config, Traced};
 use scene::Scene;
 
-use crate::Args;
 use crate::args::Store;
-use crate::stats::{Seconds, Stats, Stored};
+use crate::stats::{self, Stages, Stats, Written};
+use crate::{Args, shard};
 
 /// Builds the photon maps that the command line asks for.
 ///
@@ -51,86 +51,56 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
         max_bounces: args.max_bounces,
         store_direct: args.store.contains(&Store::Direct),
     };
-    let traced = trace(&scene, &config, &pool, &console, &interrupt)?;
+    let traced = trace(&scene, &config, args.shard, &pool, &console, &interrupt)?;
     audit(&traced.account, args.max_bounces, &console)?;
     let trace = clock.lap();
 
-    let account = traced.account;
-    let maps = pool.install(|| maps(&scene, &config, traced))?;
-    let tree = clock.lap();
-    interrupt.check().context(NOTHING_WRITTEN)?;
-
-    let made_by = concat!("photon-build ", env!("CARGO_PKG_VERSION"));
-    let file_bytes =
-        maps.save(output, args.common.existing(), made_by, &remedy(args, scene_path))?;
+    let metadata = metadata(&scene, &config, &traced.account);
+    let command_of_all = remedy(args, scene_path, None);
+    let (written, tree) = match args.shard {
+        Some(share) => {
+            let emitted_by_light = photons_of_lights(&scene, &config);
+            let about = ShardMetadata {
+                share,
+                metadata,
+                emitted_by_light,
+                stores_direct: config.store_direct,
+                made_by: MADE_BY.into(),
+                command_of_all,
+            };
+            let command = remedy(args, scene_path, Some(share));
+            let existing = args.common.existing();
+            let written =
+                pool.install(|| shard::save(output, existing, about, traced, &command))?;
+            (written, Seconds::default())
+        }
+        None => {
+            let maps = pool.install(|| maps(metadata, &config, traced))?;
+            let tree = clock.lap();
+            interrupt.check().context(NOTHING_WRITTEN)?;
+            let file_bytes = maps.save(output, args.common.existing(), MADE_BY, &command_of_all)?;
+            (Written::maps(&maps, file_bytes), tree)
+        }
+    };
     let write = clock.lap();
 
-    let n_photons: usize = maps.sets().map(|(_, set)| set.len()).sum();
-    let n_bytes: usize = maps.sets().map(|(_, set)| set.n_bytes()).sum();
-    let total = clock.total();
-    console.detail(format_args!(
-        "{} photons absorbed, {} escaped, {} rays",
-        account.absorbed, account.escaped, account.rays
-    ));
-    for (stage, seconds) in
-        [("load", load), ("bvh", bvh), ("trace", trace), ("tree", tree), ("write", write)]
-    {
-        console
-            .detail(format_args!("{stage:>10} {:8.2} s {:8.2} CPU s", seconds.wall, seconds.cpu));
-    }
-    for (class, set) in maps.sets() {
-        console.say(format_args!("{:>10} {} photons", set.len(), class.name()));
-    }
-    console.say(format_args!(
-        "{} emitted, {:.1} MB written to {} in {:.2} s ({:.2} CPU s)",
-        account.emitted,
-        file_bytes as f64 * 1e-6,
-        output.display(),
-        total.wall,
-        total.cpu,
-    ));
+    let stages = Stages { load, bvh, trace, tree, write, total: clock.total() };
+    stats::say(&console, &written, &stages, output);
     if let Some(path) = &args.common.stats {
-        let seconds = |f: fn(&cli::Seconds) -> f64| Seconds {
-            load: f(&load),
-            bvh: f(&bvh),
-            trace: f(&trace),
-            tree: f(&tree),
-            write: f(&write),
-            total: f(&total),
-        };
-        let stats = Stats {
-            program: "photon-build",
-            version: env!("CARGO_PKG_VERSION"),
-            scene: scene_path.display().to_string(),
-            fingerprint: maps.fingerprint().to_string(),
-            seed: args.seed,
-            threads: pool.current_num_threads(),
-            emitted: account.emitted,
-            stored: Stored {
-                direct: maps.direct.as_ref().map_or(0, PhotonSet::len),
-                caustic: maps.caustic.len(),
-                indirect: maps.indirect.len(),
-            },
-            absorbed: account.absorbed,
-            escaped: account.escaped,
-            cut: account.cut,
-            rays: account.rays,
-            bytes_per_photon: if n_photons > 0 { n_bytes as f64 / n_photons as f64 } else { 0.0 },
-            file_bytes,
-            seconds: seconds(|s| s.wall),
-            cpu_seconds: seconds(|s| s.cpu),
-            peak_rss_bytes: cli::peak_rss_bytes(),
-        };
+        let stats = pool.install(|| Stats::new(Some(scene_path), &written, &stages));
         cli::write_stats(path, args.common.existing(), &stats)?;
     }
     Ok(())
 }
 
+/// The program and its version, as files tell them.
+pub(crate) const MADE_BY: &str = concat!("photon-build ", env!("CARGO_PKG_VERSION"));
+
 /// What an interrupted run leaves behind.
-const NOTHING_WRITTEN: &str = "no photon map was written";
+pub(crate) const NOTHING_WRITTEN: &str = "no photon map was written";
 
 /// Emitting more than this would fill the memory of any machine, and more of a class can't be numbered.
-const MOST_PHOTONS: u64 = u32::MAX as u64;
+pub(crate) const MOST_PHOTONS: u64 = u32::MAX as u64;
 
 fn budget(args: &Args) -> anyhow::Result<Budget> {
     let budget = match args.photons_per_light {
@@ -156,23 +126,23 @@ fn too_many(n_photons: u64) -> WrongUsage {
 fn trace(
     scene: &Scene,
     config: &Config,
+    shard: Option<Share>,
     pool: &rayon::ThreadPool,
     console: &Console,
     interrupt: &Interrupt,
 ) -> anyhow::Result<Traced> {
-    let fluxes: Vec<_> = scene.lights.iter().map(|light| light.flux(&scene.bounds())).collect();
-    let counts = photon_trace::photons_of_lights(config.budget, &fluxes);
-    let n_photons = counts.into_iter().fold(0, u64::saturating_add);
+    let share = shard.unwrap_or(Share::WHOLE);
+    let n_photons = photons_of_lights(scene, config).into_iter().fold(0, u64::saturating_add);
     if n_photons > MOST_PHOTONS {
         bail!(too_many(n_photons));
     }
-    let bar = console.progress("photons", n_photons);
+    let bar = console.progress("photons", n_photons / u64::from(share.of()));
     let done = AtomicU64::new(0);
     let watch = |n| {
         bar.set_position(done.fetch_add(n, Ordering::Relaxed) + n);
         interrupt.go_on()
     };
-    let traced = pool.install(|| photon_trace::trace(scene, config, &watch));
+    let traced = pool.install(|| photon_trace::trace_share(scene, config, share, &watch));
     bar.finish_and_clear();
     traced.context(NOTHING_WRITTEN)
 }
@@ -196,15 +166,15 @@ fn audit(account: &Account, max_bounces: u32, console: &Console) -> anyhow::Resu
     Ok(())
 }
 
-fn maps(scene: &Scene, config: &Config, traced: Traced) -> anyhow::Result<PhotonMaps> {
-    let sets = [&traced.direct, &traced.caustic, &traced.indirect];
-    if let Some(n) = sets.map(Vec::len).into_iter().find(|&n| n as u64 > MOST_PHOTONS) {
-        bail!("{n} photons of a class are more than {MOST_PHOTONS}; ask for fewer");
-    }
-    let Account { emitted, absorbed, escaped, cut, rays, flux } = traced.account;
-    let inventory: Inventory = scene.inventory().clone();
-    let metadata = Metadata {
-        inventory,
+fn photons_of_lights(scene: &Scene, config: &Config) -> Vec<u64> {
+    let fluxes: Vec<_> = scene.lights.iter().map(|light| light.flux(&scene.bounds())).collect();
+    photon_trace::photons_of_lights(config.budget, &fluxes)
+}
+
+fn metadata(scene: &Scene, config: &Config, account: &Account) -> Metadata {
+    let Account { emitted, absorbed, escaped, cut, rays, flux } = *account;
+    Metadata {
+        inventory: scene.inventory().clone(),
         seed: config.seed,
         max_bounces: config.max_bounces,
         emitted,
@@ -213,18 +183,29 @@ fn maps(scene: &Scene, config: &Config, traced: Traced) -> anyhow::Result<Photon
         cut,
         rays,
         flux,
+    }
+}
+
+fn maps(metadata: Metadata, config: &Config, traced: Traced) -> anyhow::Result<PhotonMaps> {
+    let sets = [&traced.direct, &traced.caustic, &traced.indirect];
+    if let Some(n) = sets.map(Vec::len).into_iter().find(|&n| n as u64 > MOST_PHOTONS) {
+        bail!("{n} photons of a class are more than {MOST_PHOTONS}; ask for fewer");
+    }
+    // One after the other, each freed before it is sorted: as they were traced, they take twice as much memory as their trees.
+    let set = |photons: Vec<Photon>| {
+        let mut loose = Loose::new(photons.len(), largest_flux(&photons));
+        loose.extend(&photons, |photon| *photon);
+        drop(photons);
+        loose.into_set()
     };
-    // One after the other, each freed at once: the photons take twice as much memory as their trees.
-    let direct = config.store_direct.then(|| PhotonSet::build(&traced.direct));
-    drop(traced.direct);
-    let caustic = PhotonSet::build(&traced.caustic);
-    drop(traced.caustic);
-    let indirect = PhotonSet::build(&traced.indirect);
+    let direct = config.store_direct.then(|| set(traced.direct));
+    let caustic = set(traced.caustic);
+    let indirect = set(traced.indirect);
     Ok(PhotonMaps { metadata, direct, caustic, indirect })
 }
 
 /// The command that makes the map anew, with `{file}` for its name; only what decides its contents.
-fn remedy(args: &Args, scene: &Path) -> String {
+fn remedy(args: &Args, scene: &Path, shard: Option<Share>) -> String {
     let mut words = vec!["photon-build".into(), scene.into(), "-o".into(), "{file}".into()];
     let mut option = |name: &str, value: String| words.extend([name.into(), value.into()]);
     match args.photons_per_light {
@@ -237,6 +218,9 @@ fn remedy(args: &Args, scene: &Path) -> String {
         option("--store", "direct".into());
     }
     words.extend(args.scene_options.words().into_iter().map(Into::into));
+    if let Some(share) = shard {
+        words.extend(["--shard".into(), share.to_string().into()]);
+    }
     words.push("--force".into());
     cli::command_line(words)
 }

@@ -3,9 +3,11 @@
 mod args;
 mod build;
 mod info;
+mod merge;
+mod shard;
 mod stats;
 
-pub use args::{Args, Command};
+pub use args::{Args, Command, Merge};
 pub use build::build;
 
 /// Runs the program.
@@ -15,6 +17,7 @@ pub use build::build;
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.command {
         Some(Command::Info { map }) => info::info(map),
+        Some(Command::Merge(args)) => merge::merge(args),
         None => build(args),
     }
 }

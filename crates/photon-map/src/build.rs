@@ -1,6 +1,6 @@
 //! The balanced kd-tree.
 
-use base::{Photon, Rgb};
+use base::Photon;
 use bytemuck::Zeroable;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -8,54 +8,88 @@ use rayon::prelude::*;
 use crate::flux;
 use crate::set::{LEAF, Leaf, LeafBox, PhotonSet};
 
-/// What the build moves around: a position and where the photon was.
-#[derive(Clone, Copy)]
+/// A photon on its way to its place in the tree. Its flux is packed before it moves: nothing has to be fetched from all
+/// over memory, or from files, when the leaves are filled.
+#[derive(Clone, Copy, Debug)]
 struct Item {
     position: Vec3,
+    /// Which photon of the sequence: parts equals, and is the chance by which flux is rounded.
     index: u32,
+    flux: u32,
+    normal: u16,
 }
 
 /// Below this number of leaves, a task isn't worth another thread.
 const LEAVES_PER_TASK: usize = 64;
 
-pub(crate) fn build(photons: &[Photon]) -> PhotonSet {
-    assert!(photons.len() <= u32::MAX as usize, "at most 2^32 photons of a class");
-    let n_leaves = photons.len().div_ceil(LEAF);
-    let mut items: Vec<Item> = (photons.par_iter().enumerate())
-        .map(|(i, p)| Item { position: p.position, index: i as u32 })
-        .collect();
-    let mut splits = vec![0.0_f32; n_leaves];
-    if n_leaves > 1 {
-        partition(&mut items, &mut splits[1..], n_leaves);
+/// Photons of one class that come in parts, to be sorted into a tree when all are there. 24 bytes each.
+#[derive(Debug)]
+pub struct Loose {
+    items: Vec<Item>,
+    flux_scale: f32,
+}
+
+impl Loose {
+    /// None yet, with room for `n`, whose largest channel of flux is `largest`, in watts. Both must be those of all the
+    /// photons to come, or the rounding of flux isn't that of [`PhotonSet::build`].
+    pub fn new(n: usize, largest: f32) -> Self {
+        let flux_scale = if largest > 0.0 { largest / flux::MAX } else { 1.0 };
+        Self { items: Vec::with_capacity(n), flux_scale }
     }
 
-    let largest = photons.par_iter().map(|p| p.flux.max_channel()).reduce(|| 0.0, f32::max);
-    let flux_scale = if largest > 0.0 { largest / flux::MAX } else { 1.0 };
-    let (mut boxes, mut leaves) =
-        (vec![LeafBox::zeroed(); n_leaves], vec![Leaf::zeroed(); n_leaves]);
-    (items.par_chunks_mut(LEAF), boxes.par_iter_mut(), leaves.par_iter_mut())
-        .into_par_iter()
-        .for_each(|(items, around, leaf)| {
-            // Partitioning leaves an order of its own: this one is known from the photons alone.
-            items.sort_unstable_by_key(|item| item.index);
-            quantize(items, around, leaf);
-            // Fetched first and packed later, since most have to come from memory: many at a time.
-            let mut fluxes = [Rgb::BLACK; LEAF];
-            for (lane, item) in items.iter().enumerate() {
-                let photon = &photons[item.index as usize];
-                (fluxes[lane], leaf.normals[lane]) = (photon.flux, photon.normal);
-            }
-            for (lane, item) in items.iter().enumerate() {
-                leaf.flux[lane] = flux::pack(fluxes[lane] / flux_scale, item.index.into());
-            }
-        });
-    PhotonSet {
-        n: photons.len(),
-        flux_scale,
-        splits: splits.into(),
-        boxes: boxes.into(),
-        leaves: leaves.into(),
+    /// Appends photons in the order of their emission, in rayon's current pool.
+    ///
+    /// # Panics
+    /// When there are more than 2^32 - 1.
+    pub fn extend<T: Sync>(&mut self, photons: &[T], photon: impl Fn(&T) -> Photon + Sync) {
+        let (first, flux_scale) = (self.items.len(), self.flux_scale);
+        assert!(first + photons.len() <= u32::MAX as usize, "at most 2^32 - 1 photons of a class");
+        self.items.par_extend(photons.par_iter().enumerate().map(|(i, landed)| {
+            let Photon { position, normal, flux } = photon(landed);
+            let index = (first + i) as u32;
+            Item { position, index, flux: flux::pack(flux / flux_scale, index.into()), normal }
+        }));
     }
+
+    /// Sorts the photons into a tree, in rayon's current pool.
+    pub fn into_set(self) -> PhotonSet {
+        let Self { mut items, flux_scale } = self;
+        let n_leaves = items.len().div_ceil(LEAF);
+        let mut splits = vec![0.0_f32; n_leaves];
+        if n_leaves > 1 {
+            partition(&mut items, &mut splits[1..], n_leaves);
+        }
+        let (mut boxes, mut leaves) =
+            (vec![LeafBox::zeroed(); n_leaves], vec![Leaf::zeroed(); n_leaves]);
+        (items.par_chunks_mut(LEAF), boxes.par_iter_mut(), leaves.par_iter_mut())
+            .into_par_iter()
+            .for_each(|(items, around, leaf)| {
+                // Partitioning leaves an order of its own: this one is known from the photons alone.
+                items.sort_unstable_by_key(|item| item.index);
+                quantize(items, around, leaf);
+                for (lane, item) in items.iter().enumerate() {
+                    (leaf.flux[lane], leaf.normals[lane]) = (item.flux, item.normal);
+                }
+            });
+        PhotonSet {
+            n: items.len(),
+            flux_scale,
+            splits: splits.into(),
+            boxes: boxes.into(),
+            leaves: leaves.into(),
+        }
+    }
+}
+
+/// The largest channel of the flux of any photon, in watts; 0 if there is none.
+pub fn largest_flux(photons: &[Photon]) -> f32 {
+    photons.par_iter().map(|p| p.flux.max_channel()).reduce(|| 0.0, f32::max)
+}
+
+pub(crate) fn build(photons: &[Photon]) -> PhotonSet {
+    let mut loose = Loose::new(photons.len(), largest_flux(photons));
+    loose.extend(photons, |photon| *photon);
+    loose.into_set()
 }
 
 /// Orders the items of `n_leaves` leaves; `splits` are the planes between them.
@@ -154,7 +188,7 @@ fn quantize(items: &[Item], around: &mut LeafBox, leaf: &mut Leaf) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::{Rng, Stream};
+    use base::{Rgb, Rng, Stream};
 
     /// On the walls of a box, which lie in planes that are split: leaves must not lie one over the other.
     #[test]

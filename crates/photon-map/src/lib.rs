@@ -8,13 +8,18 @@ mod estimate;
 mod file;
 mod flux;
 mod kernel;
+mod merge;
 mod reach;
 mod set;
+mod shard;
 mod sum;
 mod traverse;
 
+pub use build::{Loose, largest_flux};
 pub use estimate::{Estimate, Gather, Scratch};
 pub use file::{KIND, Metadata, PhotonMaps, VERSION};
 pub use kernel::Kernel;
+pub use merge::merge;
 pub use reach::Reach;
 pub use set::{LEAF, PhotonSet, StoredPhoton};
+pub use shard::{PhotonShard, SHARD_KIND, SHARD_VERSION, ShardMetadata, save_shard};

@@ -1,7 +1,7 @@
 //! The paths of photons.
 
 use base::{
-    Frame, Interrupted, OwenSobol, Photon, PhotonClass, Ray, Rgb, Rng, Stream, Watch,
+    Frame, Interrupted, OwenSobol, Photon, PhotonClass, Ray, Rgb, Rng, Share, Stream, Watch,
     encode_octahedral, hash_u64, warp,
 };
 use glam::Vec2;
@@ -10,7 +10,7 @@ use scene::{Light, Material, Scene, SpecularBounce, Transport};
 
 use crate::{Budget, photons_of_lights};
 
-/// Photons that one task traces. Fixed, since it decides the order of the stored photons.
+/// Photons that one task traces. Fixed, since it decides what a share is.
 const BATCH: u64 = 8192;
 
 /// How pass 1 is done.
@@ -63,6 +63,20 @@ pub struct Traced {
 /// # Errors
 /// When the watch asks for a stop.
 pub fn trace(scene: &Scene, config: &Config, watch: Watch<'_>) -> Result<Traced, Interrupted> {
+    trace_share(scene, config, Share::WHOLE, watch)
+}
+
+/// As [`trace`], one share of the photons: those of all shares, joined in order, are those of [`trace`]. Each accounts for
+/// itself, but for [`Account::flux`], which is that of all.
+///
+/// # Errors
+/// When the watch asks for a stop.
+pub fn trace_share(
+    scene: &Scene,
+    config: &Config,
+    share: Share,
+    watch: Watch<'_>,
+) -> Result<Traced, Interrupted> {
     let bounds = scene.bounds();
     let fluxes: Vec<Rgb> = scene.lights.iter().map(|light| light.flux(&bounds)).collect();
     let counts = photons_of_lights(config.budget, &fluxes);
@@ -72,6 +86,9 @@ pub fn trace(scene: &Scene, config: &Config, watch: Watch<'_>) -> Result<Traced,
         let starts = (0..count.div_ceil(BATCH)).map(|b| b * BATCH);
         batches.extend(starts.map(|start| (light, start..(start + BATCH).min(count))));
     }
+    let of_share = share.range(batches.len() as u64);
+    batches.truncate(of_share.end as usize);
+    batches.drain(..of_share.start as usize);
     let tracers: Vec<Emitter<'_>> = (scene.lights.iter().enumerate())
         .map(|(i, light)| Emitter {
             scene,

@@ -8,4 +8,5 @@ mod damage;
 mod endings;
 mod maps;
 mod outputs;
+mod shards;
 mod usage;
