@@ -20,7 +20,7 @@ use base::{Component, Components, Grid, ImageSize, Ray, Rgb};
 use geometry::Surface;
 use glam::{DVec3, Vec2};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use scene::{LightKind, Material, Parts, Scene};
+use scene::{Material, Parts, Scene};
 
 use lights::Lights;
 use random::Random;
@@ -139,7 +139,6 @@ struct Tracer<'a> {
     parts: &'a Parts,
     scene: &'a Scene,
     lights: Lights<'a>,
-    background: DVec3,
 }
 
 /// Where a path has arrived. Both normals are on the side it came from.
@@ -156,11 +155,7 @@ struct Vertex<'a> {
 
 impl<'a> Tracer<'a> {
     fn new(parts: &'a Parts, scene: &'a Scene) -> Self {
-        let background = parts.lights.iter().map(|light| match light.kind {
-            LightKind::Environment { radiance } => color(radiance),
-            _ => DVec3::ZERO,
-        });
-        Self { parts, scene, lights: Lights::new(parts, scene), background: background.sum() }
+        Self { parts, scene, lights: Lights::new(parts, scene) }
     }
 
     /// The light along an eye ray, one estimate.
@@ -178,7 +173,7 @@ impl<'a> Tracer<'a> {
         let mut medium = None;
         for length in 1.. {
             let Some((vertex, distance)) = self.arrive(&ray) else {
-                found.add(component, beta * squeeze * self.background);
+                found.add(component, beta * squeeze * self.lights.beyond(ray.dir()));
                 break;
             };
             let ends_inside = !vertex.front && vertex.material.is_glass();

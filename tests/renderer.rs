@@ -47,7 +47,7 @@ pub(crate) fn original(shader: &Shader<'_>, size: ImageSize) -> Rendering {
         let mut pixel = |x: u32| {
             let ray = shader.scene.camera.ray(size, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
             let Some(point) = shader.eye_point(&ray, &mut work) else {
-                return (shader.background(), Components::default());
+                return (shader.background(ray.dir()), Components::default());
             };
             let stream = PixelStream(u64::from(y * size.width + x));
             let components = Components::from_fn(|component| match component {

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use base::Rgb;
-use glam::{Vec3, Vec3A};
-use scene::{Camera, FovAxis, LightKind, Material, Parts, Specular, Spot};
+use glam::{Mat3A, Vec3, Vec3A};
+use scene::{Camera, EnvironmentMap, FovAxis, LightKind, Material, Parts, Specular, Spot};
 
 use crate::agreement::{Case, assert_agreement};
 use crate::scenes::{
@@ -129,6 +129,37 @@ fn under_the_sky() {
         name: "under-the-sky",
         parts,
         samples_per_pixel: 256,
+        photons: 6_000_000,
+        radius: 0.05,
+    });
+}
+
+/// Sun, sky and ground of an image, on the ground, through glass and on rough metal; a lamp besides.
+#[test]
+fn under_an_image() {
+    let mut parts = empty(Vec3::new(0.31, 1.7, 6.1), Vec3::new(0.0, 0.62, 0.1), 34.0);
+    let texel = |i: u32| match (i % 32, i / 32) {
+        // As large as paths find it often.
+        (6..10, 3..6) => Rgb::new(9.0, 7.0, 4.0),
+        (x, 0..8) => Rgb::new(0.2, 0.3, 0.5) * (1.0 + 0.05 * x as f32),
+        _ => Rgb::new(0.15, 0.1, 0.05),
+    };
+    let to_world = Mat3A::from_rotation_y(0.4) * Mat3A::from_rotation_x(0.2);
+    let map = EnvironmentMap::new([32, 16], (0..512).map(texel).collect(), to_world);
+    add_light(&mut parts, LightKind::EnvironmentMap(map));
+    let ground = quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0);
+    add_mesh(&mut parts, ground, diffuse(Rgb::new(0.7, 0.6, 0.4)));
+    let block = cuboid(Vec3::new(-1.5, 0.0, -1.4), Vec3::new(-0.3, 1.3, -0.4));
+    add_mesh(&mut parts, block, diffuse(Rgb::splat(0.6)));
+    let lamp = quad(Vec3::new(-1.4, 1.9, -0.3), Vec3::X * 0.8, Vec3::Z * 0.6);
+    add_mesh(&mut parts, lamp, emissive(Rgb::new(2.0, 3.0, 4.0)));
+    add_sphere(&mut parts, Vec3::new(-0.4, 0.5, 0.6), 0.45, glass(1.5));
+    add_sphere(&mut parts, Vec3::new(0.7, 0.5, -0.3), 0.5, Material { roughness: 0.3, ..gold() });
+    add_sphere(&mut parts, Vec3::new(1.0, 0.3, 0.9), 0.28, polished());
+    assert_agreement(&Case {
+        name: "under-an-image",
+        parts,
+        samples_per_pixel: 512,
         photons: 6_000_000,
         radius: 0.05,
     });

@@ -61,3 +61,35 @@ fn many_lights_cost_less_than_in_the_original() {
         assert!(ours <= most, "{n} lights: {ours} shadow rays instead of {theirs}");
     }
 }
+
+/// A block and a ball under an image of seven by four texels, one of them a hundred times as bright as the others.
+#[test]
+fn images_around_the_scene_are_cached() {
+    let mut image = String::from("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 7\n");
+    for i in 0..28 {
+        // Mantissas and an exponent: texels of few bits, in letters.
+        image += match i {
+            9 => "}zx~",
+            0..14 => "@Pdx",
+            _ => "0( w",
+        };
+    }
+    let scene = r#"
+camera = { origin = [0, 3, 9], target = [0, 0.6, 0], fov = 34 }
+lights = [{ type = "environment", file = "sky.hdr", radiance = 50, rotate = { axis = [1, 0, 0], degrees = 20 } }]
+materials.white = { type = "diffuse", albedo = 0.7 }
+quads = [{ corner = [-4, 0, -4], edges = [[0, 0, 8], [8, 0, 0]], material = "white" }]
+spheres = [{ center = [1, 0.8, 0.4], radius = 0.8, material = "white" }]
+boxes = [{ min = [-2, 0, -1], max = [-0.8, 1.4, 0], material = "white" }]
+"#;
+    let pair = Bench::of_files(&[("scene.toml", scene), ("sky.hdr", &image)], "50K")
+        .both("--resolution 192x192 --shadow-rays 64");
+    let flip = pair.difference("").flip;
+    let of = |p| metadata(p)["rays"]["shadow"].as_u64().unwrap();
+    let (ours, theirs) = (of(&pair.adaptive), of(&pair.original));
+    println!("image: {ours} shadow rays, {theirs} in mode original; {flip:?}");
+    if flip.mean > 0.015 {
+        panic!("{flip:?}, see {}", pair.show("adaptive-image", "").display());
+    }
+    assert!(ours <= theirs / 2, "{ours} shadow rays instead of {theirs}");
+}

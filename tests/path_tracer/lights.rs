@@ -1,8 +1,8 @@
 //! Light straight from where it is emitted.
 
 use base::Ray;
-use glam::DVec3;
-use scene::{LightKind, Material, Parts, Scene};
+use glam::{DVec3, Vec3A};
+use scene::{Light, LightKind, Material, Parts, Scene};
 
 use super::{Random, Vertex, color, optics};
 
@@ -13,7 +13,7 @@ struct Emitter {
     radiance: DVec3,
 }
 
-/// All lights but the environment, which is found by following directions.
+/// All lights. What comes from beyond the scene is found by following directions only.
 pub(super) struct Lights<'a> {
     parts: &'a Parts,
     scene: &'a Scene,
@@ -38,6 +38,16 @@ impl<'a> Lights<'a> {
             }
         }
         Self { parts, scene, emitters, cumulative }
+    }
+
+    /// Radiance that arrives from beyond the scene.
+    pub(super) fn beyond(&self, dir: Vec3A) -> DVec3 {
+        let of_light = |light: &Light| match &light.kind {
+            LightKind::Environment { radiance } => color(*radiance),
+            LightKind::EnvironmentMap(map) => color(map.radiance(dir)),
+            _ => DVec3::ZERO,
+        };
+        self.parts.lights.iter().map(of_light).sum()
     }
 
     /// The density per steradian at which [`Lights::irradiance`] would choose a point of an emitter.
@@ -77,7 +87,9 @@ impl<'a> Lights<'a> {
         for light in &self.parts.lights {
             let (dir, distance, received) = match &light.kind {
                 // Found by following directions.
-                LightKind::Area(_) | LightKind::Environment { .. } => continue,
+                LightKind::Area(_)
+                | LightKind::Environment { .. }
+                | LightKind::EnvironmentMap(_) => continue,
                 LightKind::Point { position, intensity } => {
                     let to_light = position.as_dvec3() - at.position;
                     (

@@ -95,7 +95,7 @@ pub fn trace_share(
             config,
             light,
             seed: hash_u64(config.seed, i as u64),
-            flux: fluxes[i] / counts[i].max(1) as f32,
+            n_photons: counts[i].max(1) as f32,
         })
         .collect();
     let done: Option<Vec<Traced>> = batches
@@ -140,8 +140,8 @@ struct Emitter<'a> {
     config: &'a Config,
     light: &'a Light,
     seed: u64,
-    /// Flux of each photon at the start.
-    flux: Rgb,
+    /// How many photons share its flux.
+    n_photons: f32,
 }
 
 impl Emitter<'_> {
@@ -151,10 +151,14 @@ impl Emitter<'_> {
         let mut scatter = Rng::new(self.seed, Stream::Scatter, index);
         let mut roulette = Rng::new(self.seed, Stream::Roulette, index);
         let mut ray = Ray::unbounded(start.origin, start.dir);
-        let mut flux = self.flux;
+        let mut flux = start.flux / self.n_photons;
         let mut class = PhotonClass::Direct;
         let mut medium: Option<&Material> = None;
         out.account.emitted += 1;
+        if flux.is_black() {
+            out.account.absorbed += 1;
+            return;
+        }
         for _ in 0..self.config.max_bounces {
             out.account.rays += 1;
             let Some(hit) = self.scene.accel.closest_hit(&ray) else {

@@ -72,6 +72,14 @@ impl<'a> Frame<'a> {
         &self.surfaces
     }
 
+    /// Radiance that the first surface of a pixel emits towards the eye, or that comes from beyond the scene.
+    pub(crate) fn emitted(&self, pixel: Pixel) -> Rgb {
+        self.point(pixel).map_or_else(
+            || self.shader.background(eye_ray(&self.shader, self.size(), pixel).dir()),
+            |point| point.emitted(),
+        )
+    }
+
     /// The first surface of a pixel, as the eye sees it.
     pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
         let w_o = -eye_ray(&self.shader, self.size(), pixel).dir();

@@ -97,9 +97,7 @@ pub(crate) fn write(
     inputs: &Inventory,
     interrupt: &Interrupt,
 ) -> anyhow::Result<()> {
-    let background = frame.shader().background();
-    let emission =
-        Grid::from_fn(frame.size(), |p| frame.point(p).map_or(background, |point| point.emitted()));
+    let emission = Grid::from_fn(frame.size(), |p| frame.emitted(p));
     let to_pixels = |subpixels: &Grid<Rgb>| match (args.supersample, filter(args)) {
         (1, Filter::Box) => subpixels.clone(),
         (n, filter) => film::reconstruct(subpixels, n, filter),

@@ -3,7 +3,7 @@
 use base::{Frame, Rgb, math::PI, warp};
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use crate::light::{Beam, Emission, LightSample, Toward};
+use crate::light::{Beam, LightSample, Toward};
 use crate::polygon_irradiance;
 
 /// How many pieces a light may have for its unshadowed irradiance to be summed in closed form.
@@ -133,14 +133,13 @@ impl AreaLight {
         (&self.pieces[i], u.clamp(0.0, 1.0 - f32::EPSILON))
     }
 
-    /// A photon's start: uniform in position, cosine-distributed in direction.
-    pub(crate) fn emit(&self, u: [f32; 4]) -> Emission {
+    /// A photon's origin and direction: uniform by area, and by the cosine.
+    pub(crate) fn emit(&self, u: [f32; 4]) -> (Vec3A, Vec3A) {
         let (piece, x) = self.pick(u[0]);
         let dir = Frame::new(piece.normal)
             .to_world(warp::cosine_hemisphere(Vec2::new(u[2], u[3])))
             .normalize();
-        let origin = piece.point(Vec2::new(x, u[1])) + piece.normal * piece.error;
-        Emission { origin, dir }
+        (piece.point(Vec2::new(x, u[1])) + piece.normal * piece.error, dir)
     }
 
     /// Whether there are few enough pieces for their irradiance to be summed in closed form.

@@ -7,9 +7,11 @@
 
 mod area_light;
 mod camera;
+mod environment_map;
 mod error;
 mod fresnel;
 mod ggx;
+mod irradiance_table;
 mod light;
 mod light_view;
 mod load;
@@ -22,6 +24,7 @@ mod world;
 
 pub use area_light::AreaLight;
 pub use camera::{Camera, FovAxis};
+pub use environment_map::EnvironmentMap;
 pub use error::Error;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use light::{Beam, Emission, Light, LightKind, LightSample, Spot, Toward};

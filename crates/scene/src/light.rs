@@ -4,7 +4,7 @@ use base::{Frame, Rgb, math::PI, warp};
 use geometry::Bounds;
 use glam::{Vec2, Vec3A};
 
-use crate::AreaLight;
+use crate::{AreaLight, EnvironmentMap};
 
 /// A light. Each has its own photons and, at a surface point, its own visibility.
 #[derive(Clone, Debug)]
@@ -42,6 +42,22 @@ pub enum LightKind {
         /// Radiance.
         radiance: Rgb,
     },
+    /// A radiance for each direction beyond the scene.
+    EnvironmentMap(EnvironmentMap),
+}
+
+impl LightKind {
+    /// Whether it emits nothing at all.
+    pub fn is_black(&self) -> bool {
+        match self {
+            Self::Area(light) => light.radiance().is_black(),
+            Self::Point { intensity, .. } => intensity.is_black(),
+            Self::Spot(spot) => spot.intensity.is_black(),
+            Self::Directional { irradiance, .. } => irradiance.is_black(),
+            Self::Environment { radiance } => radiance.is_black(),
+            Self::EnvironmentMap(map) => map.total().is_black(),
+        }
+    }
 }
 
 /// A point that shines into a cone: full intensity up to one angle, none beyond another, smoothstep of the cosine
@@ -101,6 +117,8 @@ pub struct Emission {
     pub origin: Vec3A,
     /// Unit direction of its ray.
     pub dir: Vec3A,
+    /// The flux of the light as far as this one start tells, in watts: the mean over all starts is [`Light::flux`].
+    pub flux: Rgb,
 }
 
 /// Where a shadow ray goes.
@@ -149,50 +167,58 @@ impl Light {
             }
             LightKind::Directional { irradiance, .. } => *irradiance * (PI * radius * radius),
             LightKind::Environment { radiance } => *radiance * (4.0 * PI * PI * radius * radius),
+            LightKind::EnvironmentMap(map) => map.total() * (PI * radius * radius),
         }
     }
 
-    /// The start of a photon, from four uniform numbers. The density is that of the emitted flux, so that all photons
-    /// of a light carry the same.
+    /// The start of a photon, from four uniform numbers. The density is that of the emitted flux, in the mean over the
+    /// channels, so that all photons of a light carry about the same.
     pub fn emit(&self, bounds: &Bounds, u: [f32; 4]) -> Emission {
         // A disc before the sphere around the scene, perpendicular to the direction.
         let from_beyond = |dir: Vec3A, u: Vec2| {
             let radius = bounds.diagonal() * 0.5;
             let disc = warp::uniform_disc(u) * radius;
             let frame = Frame::new(dir);
-            let origin =
-                Vec3A::from(bounds.center()) + frame.s * disc.x + frame.t * disc.y - dir * radius;
-            Emission { origin, dir }
+            Vec3A::from(bounds.center()) + frame.s * disc.x + frame.t * disc.y - dir * radius
         };
-        match &self.kind {
+        let (first, second) = (Vec2::new(u[0], u[1]), Vec2::new(u[2], u[3]));
+        let mut flux = self.flux(bounds);
+        let (origin, dir) = match &self.kind {
             LightKind::Area(light) => light.emit(u),
-            LightKind::Point { position, .. } => Emission {
-                origin: *position,
-                dir: warp::uniform_sphere(Vec2::new(u[0], u[1])).normalize(),
-            },
-            LightKind::Spot(spot) => {
-                Emission { origin: spot.position, dir: spot.emit(Vec2::new(u[0], u[1])) }
+            LightKind::Point { position, .. } => {
+                (*position, warp::uniform_sphere(first).normalize())
             }
+            LightKind::Spot(spot) => (spot.position, spot.emit(first)),
             LightKind::Directional { direction, .. } => {
-                from_beyond(*direction, Vec2::new(u[0], u[1]))
+                (from_beyond(*direction, first), *direction)
             }
-            LightKind::Environment { .. } => from_beyond(
-                warp::uniform_sphere(Vec2::new(u[2], u[3])).normalize(),
-                Vec2::new(u[0], u[1]),
-            ),
-        }
+            LightKind::Environment { .. } => {
+                let dir = warp::uniform_sphere(second).normalize();
+                (from_beyond(dir, first), dir)
+            }
+            LightKind::EnvironmentMap(map) => {
+                let drawn = map.draw(second);
+                let share = drawn.map_or(Rgb::BLACK, |d| d.radiance / (d.pdf * map.total().mean()));
+                flux = share * flux.mean();
+                let dir = drawn.map_or(Vec3A::NEG_Y, |d| -d.dir);
+                (from_beyond(dir, first), dir)
+            }
+        };
+        Emission { origin, dir, flux }
     }
 
-    /// Irradiance at a surface point if nothing were in the way, `U_l`; `None` where there is no closed form.
+    /// Irradiance at a surface point if nothing were in the way, `U_l`; `None` where there is neither a closed form nor a
+    /// table.
     pub fn unshadowed_irradiance(&self, point: Vec3A, normal: Vec3A) -> Option<Rgb> {
         match &self.kind {
             LightKind::Area(light) => light.irradiance(point, normal),
             LightKind::Environment { radiance } => Some(*radiance * PI),
+            LightKind::EnvironmentMap(map) => Some(map.irradiance(normal)),
             _ => Some(self.sample(point, normal, Vec2::ZERO).map_or(Rgb::BLACK, |s| s.irradiance)),
         }
     }
 
-    /// Whether [`Light::unshadowed_irradiance`] has a closed form.
+    /// Whether [`Light::unshadowed_irradiance`] has a closed form or a table.
     pub fn has_closed_form(&self) -> bool {
         match &self.kind {
             LightKind::Area(light) => light.has_closed_form(),
@@ -200,12 +226,20 @@ impl Light {
         }
     }
 
-    /// Whether all shadow rays from a point go the same way, so that one tells everything.
-    pub fn is_delta(&self) -> bool {
-        !matches!(self.kind, LightKind::Area(_) | LightKind::Environment { .. })
+    /// Whether light from all its places has the same color, so that one number tells how much of it arrives.
+    pub fn has_one_color(&self) -> bool {
+        !matches!(self.kind, LightKind::EnvironmentMap(_))
     }
 
-    /// One direction towards the light, uniform by area; `None` if the light sends nothing that way.
+    /// Whether all shadow rays from a point go the same way, so that one tells everything.
+    pub fn is_delta(&self) -> bool {
+        matches!(
+            self.kind,
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Directional { .. }
+        )
+    }
+
+    /// One direction towards the light, uniform by area if it has one; `None` if the light sends nothing that way.
     pub fn sample(&self, point: Vec3A, normal: Vec3A, u: Vec2) -> Option<LightSample> {
         let from_point = |position: Vec3A, intensity: &dyn Fn(Vec3A) -> Rgb| {
             let to_light = position - point;
@@ -234,16 +268,28 @@ impl Light {
                 let dir = Frame::new(normal).to_world(warp::cosine_hemisphere(u)).normalize();
                 Some(LightSample { toward: Toward::Direction(dir), irradiance: *radiance * PI })
             }
+            LightKind::EnvironmentMap(map) => map.sample(normal, u).map(|(dir, irradiance)| {
+                LightSample { toward: Toward::Direction(dir), irradiance }
+            }),
         };
         sample.filter(|s| !s.irradiance.is_black())
     }
 
     /// One direction towards the light, for surfaces that scatter by direction; `None` if the light sends nothing that
-    /// way. What comes from beyond the scene from everywhere is better found by following directions: always `None`.
+    /// way. What comes alike from everywhere beyond the scene is better found by following directions: always `None`.
     pub fn beam(&self, point: Vec3A, u: Vec2) -> Option<Beam> {
         let dir = match &self.kind {
             LightKind::Area(light) => return light.beam(point, u),
             LightKind::Environment { .. } => return None,
+            LightKind::EnvironmentMap(map) => {
+                return map.draw(u).map(|drawn| Beam {
+                    dir: drawn.dir,
+                    toward: Toward::Direction(drawn.dir),
+                    distance: f32::INFINITY,
+                    irradiance: drawn.radiance / drawn.pdf,
+                    pdf: drawn.pdf,
+                });
+            }
             LightKind::Point { position, .. } => *position - point,
             LightKind::Spot(spot) => spot.position - point,
             LightKind::Directional { direction, .. } => -*direction,
@@ -258,7 +304,7 @@ impl Light {
     }
 
     /// Density per steradian at which [`Light::beam`] chooses a place of an emitter, given the cosine there and the
-    /// distance; 0 for lights that no ray meets.
+    /// distance; 0 for lights that aren't surfaces.
     pub fn beam_pdf(&self, cos: f32, distance: f32) -> f32 {
         match &self.kind {
             LightKind::Area(light) => light.beam_pdf(cos, distance),
@@ -266,11 +312,16 @@ impl Light {
         }
     }
 
-    /// Radiance of what lies beyond the scene.
-    pub fn environment_radiance(&self) -> Rgb {
-        match self.kind {
-            LightKind::Environment { radiance } => radiance,
-            _ => Rgb::BLACK,
+    /// Radiance from beyond the scene in a direction out of it, and the density per steradian at which [`Light::beam`]
+    /// chooses that direction.
+    pub fn from_beyond(&self, dir: Vec3A) -> (Rgb, f32) {
+        match &self.kind {
+            LightKind::Environment { radiance } => (*radiance, 0.0),
+            LightKind::EnvironmentMap(map) => {
+                let radiance = map.radiance(dir);
+                (radiance, map.pdf(radiance))
+            }
+            _ => (Rgb::BLACK, 0.0),
         }
     }
 }

@@ -60,7 +60,7 @@ pub struct Options {
 /// - bsdfs: `diffuse`, `dielectric`, `conductor` (by `eta` and `k`, or one of Ag, Al, Au, Cr, Cu, none),
 ///   `roughdielectric` and `roughconductor` of GGX, `twosided`; every surface has two equal sides
 /// - textures: `bitmap`, `checkerboard`
-/// - emitters: `area` (not of spheres), `point`, `spot`, `directional`, `constant`
+/// - emitters: `area` (not of spheres), `point`, `spot`, `directional`, `constant`, `envmap`
 /// - sensor: `perspective` with every `fov_axis` or `focal_length`; the size of the film is the default of `--resolution`
 /// - colors: `rgb`, `srgb`, hexadecimal, `spectrum` of one value
 ///
@@ -161,6 +161,8 @@ pub struct Options {
 ///
 /// type = "environment"
 /// radiance = [1, 1, 1]     # from everywhere beyond the scene
+/// file = "sky.exr"         # optional: an image around the scene, which radiance, 1 by default then, is multiplied with
+/// rotate = { axis = [0, 1, 0], degrees = 90 } # optional, of images: once or for each of a list
 /// ```
 ///
 /// A texture needs texture coordinates. Quads have (0, 0) at the corner, (1, 0) at the end of the first edge and (0, 1) at

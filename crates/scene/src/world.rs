@@ -2,7 +2,7 @@
 
 use base::{Fingerprint, FingerprintBuilder, Inventory, Rgb};
 use geometry::{Accel, Bounds, Creases, MaterialId, Mesh, Sphere, Surface};
-use glam::Quat;
+use glam::{Quat, Vec3A};
 
 use crate::{AreaLight, Camera, Light, LightKind, Material, Specular, Texture};
 
@@ -93,9 +93,9 @@ impl Scene {
         self.accel.bounds()
     }
 
-    /// Radiance that arrives from beyond the scene.
-    pub fn background(&self) -> Rgb {
-        self.lights.iter().map(Light::environment_radiance).sum()
+    /// Radiance that arrives from beyond the scene, in a direction out of it.
+    pub fn background(&self, dir: Vec3A) -> Rgb {
+        self.lights.iter().map(|light| light.from_beyond(dir).0).sum()
     }
 
     /// The parts that photons depend on, each with its digest: surfaces, materials and lights, but not the camera.
@@ -202,6 +202,7 @@ fn light_digest(light: &Light) -> Fingerprint {
             digest.bytes(b"directional").pod(&direction.to_array()).pod(&[*irradiance])
         }
         LightKind::Environment { radiance } => digest.bytes(b"environment").pod(&[*radiance]),
+        LightKind::EnvironmentMap(map) => return map.digest(),
     };
     digest.finish()
 }

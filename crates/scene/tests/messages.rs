@@ -368,6 +368,11 @@ fn faults_of_lights() {
     let cases = [
         ("type = \"spot\"", "type = \"laser\"",
          "scene.toml:62:8: light `lamp` has the unknown type \"laser\"; the types are point, spot, directional and environment"),
+        ("radiance = 0.1", "radiance = 0.1\nrotate = { axis = [0, 1, 0], degrees = 9 }",
+         "scene.toml:77:10: light `light 3` of type \"environment\" takes no `rotate`; its keys are radiance and file"),
+        ("radiance = 0.1", "file = \"sky.hdr\"", "scene.toml:76:8: cannot read sky.hdr: there is no such file"),
+        ("radiance = 0.1", "file = \"sky.gif\"",
+         "scene.toml:76:8: the format of sky.gif is unknown; use .png, .jpg, .tga, .bmp, .hdr or .exr"),
         ("target = [0, 0, 0]\n", "",
          "scene.toml:62:8: light `lamp` of type \"spot\" needs the key `target`"),
         ("target = [0, 0, 0]", "target = [0, 3, 0]",

@@ -287,8 +287,17 @@ fn faults_are_named_with_their_place() {
          "s.xml:18:57: `reflectance` of bsdf \"diffuse\" reaches 1.5, which would create light; use at most 1"),
         ("<spectrum name=\"reflectance\" value=\"0\"/>", "<spectrum name=\"reflectance\" value=\"400:0.1 700:0.2\"/>",
          "s.xml:29:26: `reflectance` is a <spectrum> that isn't supported; use rgb, srgb, float and spectrum with one value"),
-        ("type=\"constant\"", "type=\"envmap\"",
-         "s.xml:39:3: emitter \"envmap\" isn't supported; the emitters are point, spot, directional and constant, and area in a shape"),
+        ("type=\"constant\"", "type=\"sunsky\"",
+         "s.xml:39:3: emitter \"sunsky\" isn't supported; the emitters are point, spot, directional, constant and envmap, and area in a shape"),
+        ("type=\"constant\"", "type=\"envmap\"", "s.xml:39:3: emitter \"envmap\" needs a `filename`"),
+        ("<emitter type=\"constant\" id=\"sky\">",
+         "<emitter type=\"envmap\"><string name=\"filename\" value=\"a.hdr\"/><transform name=\"to_world\"><scale x=\"2\"/></transform>",
+         "s.xml:39:3: to_world of emitter \"envmap\" distorts it; only turn it or mirror it"),
+        ("<emitter type=\"constant\" id=\"sky\">", "<emitter type=\"envmap\"><string name=\"filename\" value=\"a.hdr\"/>",
+         "s.xml:39:26: cannot read a.hdr: there is no such file"),
+        ("<emitter type=\"constant\" id=\"sky\">",
+         "<emitter type=\"envmap\"><string name=\"filename\" value=\"a.hdr\"/><float name=\"scale\" value=\"-1\"/>",
+         "s.xml:39:3: `scale` of emitter \"envmap\" is -1; it lies between 0 and 1e15"),
         ("type=\"perspective\"", "type=\"orthographic\"", "s.xml:7:3: sensor \"orthographic\" isn't supported; use perspective"),
         ("\"smaller\"", "\"z\"", "s.xml:7:3: fov_axis is \"z\"; it may be one of x, y, diagonal, smaller and larger"),
         ("value=\"240\"", "value=\"0\"", "s.xml:13:5: the film has 320x0 pixels; give at least one"),
@@ -328,6 +337,36 @@ fn lenient_replaces_and_tells() {
             "s.xml:40:1: <medium> isn't supported; it is left out",
         ]
     );
+}
+
+#[test]
+fn environment_maps_turn_and_scale() {
+    let image =
+        image::ImageBuffer::from_fn(4, 2, |x, y| image::Rgb([(y * 4 + x) as f32, 1.0, 2.0]));
+    let mut hdr = std::io::Cursor::new(Vec::new());
+    image::DynamicImage::ImageRgb32F(image).write_to(&mut hdr, image::ImageFormat::Hdr).unwrap();
+    let hdr = hdr.into_inner();
+    let xml = NEW.replace(
+        "<emitter type=\"constant\" id=\"sky\"><rgb name=\"radiance\" value=\"0.1\"/>",
+        "<emitter type=\"envmap\"><string name=\"filename\" value=\"a.hdr\"/><float name=\"scale\" value=\"3\"/>\
+         <transform name=\"to_world\"><rotate y=\"1\" angle=\"90\"/></transform>",
+    );
+    let toml = "camera = { origin = [0, 0, 5], target = [0, 0, 0], fov = 40 }\n\
+        materials.white = { type = \"diffuse\", albedo = 0.5 }\n\
+        quads = [{ corner = [0, 0, 0], edges = [[1, 0, 0], [0, 1, 0]], material = \"white\" }]\n\
+        lights = [{ type = \"environment\", file = \"a.hdr\", radiance = [3, 3, 3], \
+        rotate = { axis = [0, 1, 0], degrees = 90 } }]\n";
+    let folder = folder(&[("s.xml", xml.as_bytes()), ("s.toml", toml.as_bytes()), ("a.hdr", &hdr)]);
+    for name in ["s.xml", "s.toml"] {
+        let loaded = load_with(&folder.path().join(name), &options(&[], false)).unwrap();
+        let at = |x: f32, y: f32, z: f32| loaded.scene.background(Vec3A::new(x, y, z).normalize());
+        // What lay towards +z, between the second column and the third, now lies towards +x.
+        let found = at(1.0, 0.0, 0.0);
+        let expected = Rgb::new(3.0 * 3.5, 3.0, 6.0);
+        assert!((found - expected).map(f32::abs).max_channel() < 1e-4, "{name}: {found:?}");
+        // And what lay towards +x, between the first two, towards -z.
+        assert!((at(0.0, 0.0, -1.0).r - 7.5).abs() < 1e-4, "{name}");
+    }
 }
 
 #[test]

@@ -140,7 +140,11 @@ impl<'a> Shader<'a> {
             n_leaves += 1;
             from.stream = stream.part(n_leaves);
             let Some((point, distance)) = self.arrive(&ray) else {
-                emitted += self.background() * from.weight;
+                let background = match chosen {
+                    None => self.background(ray.dir()),
+                    Some(chosen) => self.background_by_lobe(&chosen, ray.dir()),
+                };
+                emitted += background * from.weight;
                 continue;
             };
             let inside = is_inside(&point.surface, &point);

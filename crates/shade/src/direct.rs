@@ -35,7 +35,7 @@ impl Shader<'_> {
             .unshadowed_irradiance(surface.position, surface.shading_normal);
         match unshadowed {
             Some(u) if u.is_black() => Rgb::BLACK,
-            Some(u) => u * self.visibility(light, surface, stream, work),
+            Some(u) => u * self.arriving(light, self.shadow_points.len(), surface, stream, work),
             None => {
                 let rays = self.shadow_points.len();
                 self.shadow_sums(light, rays, surface, stream, work).arrived / rays as f32
@@ -43,7 +43,7 @@ impl Shader<'_> {
         }
     }
 
-    /// The share of a light's irradiance that arrives, in [0, 1].
+    /// The share of a light's irradiance that arrives, in [0, 1]; for lights of one color.
     pub fn visibility(
         &self,
         light: usize,
@@ -63,8 +63,24 @@ impl Shader<'_> {
         stream: PixelStream,
         work: &mut Work,
     ) -> f32 {
+        self.shadow_sums(light, rays, surface, stream, work).share()
+    }
+
+    /// The share of a light's irradiance that arrives, by channel.
+    pub(crate) fn arriving(
+        &self,
+        light: usize,
+        rays: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> Rgb {
         let sums = self.shadow_sums(light, rays, surface, stream, work);
-        if sums.sent > 0.0 { sums.arrived.mean() / sums.sent } else { 0.0 }
+        if self.scene.lights[light].has_one_color() {
+            Rgb::splat(sums.share())
+        } else {
+            ratio(sums.arrived, sums.sent_color)
+        }
     }
 
     fn shadow_sums(
@@ -79,11 +95,12 @@ impl Shader<'_> {
         let light = &self.scene.lights[light];
         let n = if light.is_delta() { 1 } else { rays.min(self.shadow_points.len()) };
         let view = light.seen_from(surface.position, surface.shading_normal);
-        let mut sums = ShadowSums { sent: 0.0, arrived: Rgb::BLACK };
+        let mut sums = ShadowSums { sent: 0.0, sent_color: Rgb::BLACK, arrived: Rgb::BLACK };
         for &point in &self.shadow_points[..n] {
             let u = scramble(point, bits);
             let Some(sample) = view.sample(u) else { continue };
             sums.sent += sample.irradiance.mean();
+            sums.sent_color += sample.irradiance;
             if self.unoccluded(surface, sample.toward, work) {
                 sums.arrived += sample.irradiance;
             }
@@ -120,7 +137,7 @@ impl Shader<'_> {
         // Every so much of what is sent, from a random start, a ray goes to the point that sends it.
         let step = sent.mean() / rays as f32;
         let mut next = step * (hash_u64(bits, 0) >> 40) as f32 * (1.0 / 16_777_216.0);
-        let (mut before, mut arrived) = (0.0, 0.0);
+        let (mut before, mut arrived, mut color) = (0.0, 0.0, Rgb::BLACK);
         for sample in &samples {
             before += sample.irradiance.mean();
             if next < before {
@@ -128,10 +145,14 @@ impl Shader<'_> {
                 next += chosen * step;
                 if self.unoccluded(surface, sample.toward, work) {
                     arrived += chosen;
+                    color += sample.irradiance * (chosen * step / sample.irradiance.mean());
                 }
             }
         }
         work.light_samples = samples;
+        if !of_light.has_one_color() {
+            return unshadowed.unwrap_or(sent) * ratio(color, sent);
+        }
         unshadowed.unwrap_or(sent / self.shadow_points.len() as f32)
             * (arrived / rays as f32).min(1.0)
     }
@@ -188,6 +209,21 @@ impl Shader<'_> {
 struct ShadowSums {
     /// Mean over the channels of what would arrive without anything between.
     sent: f32,
+    /// The same by channel.
+    sent_color: Rgb,
     /// What arrives.
     arrived: Rgb,
+}
+
+impl ShadowSums {
+    /// The share that arrives, over all channels.
+    fn share(&self) -> f32 {
+        if self.sent > 0.0 { self.arrived.mean() / self.sent } else { 0.0 }
+    }
+}
+
+/// A part of a whole, by channel; nothing of nothing.
+pub(crate) fn ratio(part: Rgb, whole: Rgb) -> Rgb {
+    let of = |part: f32, whole: f32| if whole > 0.0 { part / whole } else { 0.0 };
+    Rgb::new(of(part.r, whole.r), of(part.g, whole.g), of(part.b, whole.b))
 }

@@ -3,11 +3,11 @@
 //! The first rough surface of a chain is followed in [`crate::Settings::glossy_rays`] directions chosen by its lobe, later
 //! ones in one. Emitters are found by both these rays and rays to points of them, weighted by the balance heuristic
 //! (Veach 1997, section 9.2): a broad lobe would find a small lamp too rarely, and points of a large lamp would meet a
-//! narrow lobe too rarely. Points, spots and parallel light are found from the light only, the environment by the
-//! lobe only.
+//! narrow lobe too rarely. Environment maps are found likewise, by directions drawn from them. Points, spots and parallel
+//! light are found from the light only, an environment of one radiance by the lobe only.
 
 use base::{OwenSobol, Rgb, Rng, Stream, hash_u64};
-use glam::Vec2;
+use glam::{Vec2, Vec3A};
 use scene::{Light, LightKind, Lobe, Scene};
 
 use crate::chain::{Chains, Origin};
@@ -25,8 +25,8 @@ pub(crate) struct Chosen {
 /// The lights among which rough surfaces choose, each with its share of the flux.
 #[derive(Debug)]
 pub(crate) struct LightShares {
-    /// Of emissive surfaces, by their number.
-    area: Vec<(usize, f32)>,
+    /// Of emissive surfaces and environment maps, by their number.
+    extended: Vec<(usize, f32)>,
     /// Of points, spots and parallel light.
     delta: Vec<(usize, f32)>,
 }
@@ -42,7 +42,9 @@ impl LightShares {
             shares
         };
         Self {
-            area: of(|light| matches!(light.kind, LightKind::Area(_))),
+            extended: of(|light| {
+                matches!(light.kind, LightKind::Area(_) | LightKind::EnvironmentMap(_))
+            }),
             delta: of(Light::is_delta),
         }
     }
@@ -83,7 +85,7 @@ impl<'a> Shader<'a> {
             for &(light, _) in &self.light_shares.delta {
                 sum += self.shine(light, 1.0, n, Vec2::ZERO, lobe, at, &from, work);
             }
-            for &(light, share) in &self.light_shares.area {
+            for &(light, share) in &self.light_shares.extended {
                 let n_points = self.points_of_light(share);
                 let points = self.lobe_points(from.stream.part(!(light as u64)));
                 for i in 0..n_points as u64 {
@@ -92,7 +94,7 @@ impl<'a> Shader<'a> {
                 }
             }
         } else if !is_first {
-            for shares in [&self.light_shares.delta, &self.light_shares.area] {
+            for shares in [&self.light_shares.delta, &self.light_shares.extended] {
                 if let Some((light, p)) = choose(shares, &mut chains.rng) {
                     let u = chains.rng.next_2d();
                     // What is drawn is the same, whoever asks.
@@ -123,13 +125,26 @@ impl<'a> Shader<'a> {
         distance: f32,
     ) -> f32 {
         let Some(light) = self.scene.light_of(&at.surface) else { return 1.0 };
-        let area = &self.light_shares.area;
-        let Ok(place) = area.binary_search_by_key(&light, |s| s.0) else { return 1.0 };
-        let share = area[place].1;
-        let points = if chosen.is_first { self.points_of_light(share) } else { share };
         let cos = at.w_o.dot(at.facing.geometric_normal);
-        let from_light = points * self.scene.lights[light].beam_pdf(cos, distance);
-        chosen.density / (chosen.density + from_light)
+        self.share_by_density(chosen, light, self.scene.lights[light].beam_pdf(cos, distance))
+    }
+
+    /// What the lobe has found beyond the scene: of each light its share.
+    pub(crate) fn background_by_lobe(&self, chosen: &Chosen, dir: Vec3A) -> Rgb {
+        let of_light = |(i, light): (usize, &Light)| {
+            let (radiance, pdf) = light.from_beyond(dir);
+            radiance * self.share_by_density(chosen, i, pdf)
+        };
+        self.scene.lights.iter().enumerate().map(of_light).sum()
+    }
+
+    /// The share of the lobe, given the density at which one point of the light would have been found.
+    fn share_by_density(&self, chosen: &Chosen, light: usize, pdf: f32) -> f32 {
+        let extended = &self.light_shares.extended;
+        let Ok(place) = extended.binary_search_by_key(&light, |s| s.0) else { return 1.0 };
+        let share = extended[place].1;
+        let points = if chosen.is_first { self.points_of_light(share) } else { share };
+        chosen.density / (chosen.density + points * pdf)
     }
 
     /// Radiance towards the eye of a light that a rough surface scatters, from one point of the light out of `points`, in

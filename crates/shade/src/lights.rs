@@ -3,8 +3,12 @@
 use base::{Rgb, Stream, hash_u64};
 use geometry::Surface;
 
+use crate::direct::ratio;
 use crate::shader::scramble;
 use crate::{PixelStream, Shader, Work};
+
+/// The least number of shadow rays that tell how much of each color arrives.
+const FEWEST_BY_CHANNEL: usize = 16;
 
 impl Shader<'_> {
     /// Irradiance from some lights as if nothing cast a shadow: in closed form where there is one, else the mean over the
@@ -46,9 +50,11 @@ impl Shader<'_> {
             if share <= 0.0 {
                 continue;
             }
-            if share >= 1.0 {
-                arrived +=
-                    irradiance * self.visibility_by(light, share as usize, surface, stream, work);
+            let is_many_colored = !self.scene.lights[light].has_one_color();
+            if share >= 1.0 || is_many_colored {
+                let least = if is_many_colored { FEWEST_BY_CHANNEL } else { 1 };
+                let rays = (share as usize).max(least);
+                arrived += irradiance * self.arriving(light, rays, surface, stream, work);
                 continue;
             }
             sum += irradiance;
@@ -59,7 +65,7 @@ impl Shader<'_> {
                 next += 1.0;
             }
         }
-        Rgb::new(ratio(arrived.r, all.r), ratio(arrived.g, all.g), ratio(arrived.b, all.b))
+        ratio(arrived, all)
     }
 
     fn unshadowed(&self, light: usize, surface: &Surface, stream: PixelStream) -> Rgb {
@@ -74,8 +80,4 @@ impl Shader<'_> {
             sent / self.shadow_points.len() as f32
         })
     }
-}
-
-fn ratio(part: f32, whole: f32) -> f32 {
-    if whole > 0.0 { part / whole } else { 0.0 }
 }

@@ -76,9 +76,9 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Radiance along a ray that meets nothing.
-    pub fn background(&self) -> Rgb {
-        self.scene.background()
+    /// Radiance along a ray that meets nothing, by its direction.
+    pub fn background(&self, dir: Vec3A) -> Rgb {
+        self.scene.background(dir)
     }
 }
 

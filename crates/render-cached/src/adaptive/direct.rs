@@ -7,7 +7,7 @@ use super::indirect::Indirect;
 use super::records::{Saved, Source};
 use super::{Account, COARSEST, View};
 
-/// Lights whose visibility is cached each on its own. The others share one.
+/// Lights whose visibility is cached each on its own. The others share one, by channel; so do those of many colors.
 const MAX_SEPARATE: usize = 4;
 
 /// Shadow rays that the lights which share a visibility share too, at least.
@@ -59,8 +59,10 @@ impl Direct {
     ) -> Result<Self, Interrupted> {
         let scene = account.frame.shader().scene;
         let flux = |l: &usize| scene.lights[*l].flux(&scene.bounds()).mean();
+        let is_told_by_one_number =
+            |l: &usize| scene.lights[*l].has_closed_form() && scene.lights[*l].has_one_color();
         let mut separate: Vec<usize> =
-            (0..scene.lights.len()).filter(|&l| scene.lights[l].has_closed_form()).collect();
+            (0..scene.lights.len()).filter(is_told_by_one_number).collect();
         separate.sort_by(|a, b| flux(b).total_cmp(&flux(a)).then(a.cmp(b)));
         separate.truncate(MAX_SEPARATE);
         separate.sort_unstable();

@@ -14,7 +14,7 @@ use super::tables::{
     TransformTable,
 };
 use super::{keys, lights, materials, meshes, shapes, textures, transform};
-use crate::{Error, Light, LightKind, Material, Texture, TextureId};
+use crate::{Error, Light, Material, Texture, TextureId};
 
 /// The parts of a scene as they come in.
 pub(super) struct Assembly<'a> {
@@ -284,14 +284,7 @@ impl<'a> Assembly<'a> {
         let name = self.name(&table.name, "light", index, span.clone())?;
         let object = format!("light `{name}`");
         let kind = lights::light(self.source, &object, table)?;
-        let color = match &kind {
-            LightKind::Area(light) => light.radiance(),
-            LightKind::Point { intensity, .. } => *intensity,
-            LightKind::Spot(spot) => spot.intensity,
-            LightKind::Directional { irradiance, .. } => *irradiance,
-            LightKind::Environment { radiance } => *radiance,
-        };
-        if color.is_black() {
+        if kind.is_black() {
             let warning = format!("{object} is black and left out");
             self.warnings.push(self.source.warning(span, warning));
         } else {

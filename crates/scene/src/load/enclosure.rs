@@ -42,7 +42,9 @@ fn has_light(parts: &Parts, bounds: &Bounds) -> bool {
             LightKind::Point { position, .. } => *position,
             LightKind::Spot(spot) => spot.position,
             LightKind::Area(_) => return true,
-            LightKind::Directional { .. } | LightKind::Environment { .. } => return false,
+            LightKind::Directional { .. }
+            | LightKind::Environment { .. }
+            | LightKind::EnvironmentMap(_) => return false,
         };
         position.cmpge(min).all() && position.cmple(max).all()
     });

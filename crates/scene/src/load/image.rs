@@ -7,7 +7,7 @@ use base::Rgb;
 use film::decode_srgb;
 use image::{DynamicImage, ImageFormat, ImageReader};
 
-use super::source::read_bytes;
+use super::source::{MAX_LIGHT, read_bytes};
 use crate::Texels;
 
 /// The largest side, in texels.
@@ -82,6 +82,29 @@ pub(super) fn read(path: &Path, raw: bool) -> Result<([u32; 2], Texels), String>
         }
     };
     Ok(([width, height], texels))
+}
+
+/// The same as linear values times a factor.
+pub(super) fn read_linear(path: &Path, factor: Rgb) -> Result<([u32; 2], Vec<Rgb>), String> {
+    let (size, texels) = read(path, false)?;
+    let colors: Vec<Rgb> = match texels {
+        Texels::Bytes(bytes, values) => {
+            let color = |c: &[u8; 3]| Rgb::from(c.map(|byte| values[usize::from(byte)])) * factor;
+            bytes.iter().map(color).collect()
+        }
+        Texels::Floats(mut colors) => {
+            colors.iter_mut().for_each(|c| *c *= factor);
+            colors
+        }
+    };
+    let largest = colors.iter().map(|c| c.max_channel()).fold(0.0, f32::max);
+    if largest > MAX_LIGHT {
+        return Err(format!(
+            "the largest value of {} is {largest:e} after scaling; use at most {MAX_LIGHT:e}",
+            path.display()
+        ));
+    }
+    Ok((size, colors))
 }
 
 fn read_exr(path: &Path) -> Result<([u32; 2], Texels), String> {

@@ -1,12 +1,14 @@
 //! Lights of the scene file that aren't surfaces.
 
-use glam::Vec3A;
+use base::Rgb;
+use glam::{DMat3, Vec3A};
 
 use super::keys::{Typed, span};
 use super::source::Source;
 use super::tables::LightTable;
+use super::{image, transform};
 use crate::light::Spot;
-use crate::{Error, LightKind};
+use crate::{EnvironmentMap, Error, LightKind};
 
 /// The light of a table; `object` is such as ``light `lamp` ``.
 pub(super) fn light(source: &Source, object: &str, table: &LightTable) -> Result<LightKind, Error> {
@@ -21,6 +23,8 @@ pub(super) fn light(source: &Source, object: &str, table: &LightTable) -> Result
         ("radiance", span(&table.radiance)),
         ("cone_angle", span(&table.cone_angle)),
         ("falloff_angle", span(&table.falloff_angle)),
+        ("file", span(&table.file)),
+        ("rotate", span(&table.rotate)),
     ];
     match table.kind.get_ref().as_str() {
         "point" => {
@@ -49,13 +53,34 @@ pub(super) fn light(source: &Source, object: &str, table: &LightTable) -> Result
                 irradiance: source.amount(irradiance, &of("irradiance"))?,
             })
         }
+        "environment" if table.file.is_some() => {
+            typed.take_only(&given, &["radiance", "file", "rotate"])?;
+            map(source, &typed, table).map(LightKind::EnvironmentMap)
+        }
         "environment" => {
-            typed.take_only(&given, &["radiance"])?;
+            typed.take_only(&given, &["radiance", "file"])?;
             let radiance = typed.need(&table.radiance, "radiance")?;
             Ok(LightKind::Environment { radiance: source.amount(radiance, &of("radiance"))? })
         }
         _ => Err(typed.unknown(&["point", "spot", "directional", "environment"])),
     }
+}
+
+fn map(source: &Source, typed: &Typed<'_>, table: &LightTable) -> Result<EnvironmentMap, Error> {
+    let file = typed.need(&table.file, "file")?;
+    let factor = match &table.radiance {
+        Some(radiance) => source.amount(radiance, &format!("the radiance of {}", typed.object))?,
+        None => Rgb::ONE,
+    };
+    let to_world = match &table.rotate {
+        Some(rotate) => {
+            transform::rotations(source, &format!("rotate of {}", typed.object), rotate.get_ref())?
+        }
+        None => DMat3::IDENTITY,
+    };
+    let (size, texels) = image::read_linear(&source.resolve(file.get_ref()), factor)
+        .map_err(|fault| source.fault(file.span(), fault))?;
+    Ok(EnvironmentMap::new(size, texels, to_world.as_mat3().into()))
 }
 
 fn spot(source: &Source, typed: &Typed<'_>, table: &LightTable) -> Result<Spot, Error> {

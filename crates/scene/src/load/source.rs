@@ -17,7 +17,7 @@ use crate::Error;
 pub(super) const MAX_LENGTH: f32 = 1e8;
 
 /// No radiance, intensity or irradiance may be larger: fluxes and their sums must fit single precision.
-const MAX_LIGHT: f32 = 1e15;
+pub(super) const MAX_LIGHT: f32 = 1e15;
 
 /// All bytes of a regular file, or the reason in words.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {

@@ -184,4 +184,6 @@ pub(super) struct LightTable {
     pub(super) radiance: Option<Spanned<Color>>,
     pub(super) cone_angle: Option<Spanned<f64>>,
     pub(super) falloff_angle: Option<Spanned<f64>>,
+    pub(super) file: Option<Spanned<String>>,
+    pub(super) rotate: Option<Spanned<Rotations>>,
 }

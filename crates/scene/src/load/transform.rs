@@ -4,7 +4,7 @@ use geometry::Mesh;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::source::{MAX_LENGTH, Source};
-use super::tables::{RotationTable, TransformTable};
+use super::tables::{Rotations, TransformTable};
 use crate::Error;
 
 /// The map that a table describes.
@@ -36,8 +36,8 @@ pub(super) fn affine(
         if let Some(scale) = &table.scale {
             map.matrix3 = DMat3::from_diagonal(DVec3::from_array(scale.get_ref().0));
         }
-        for rotation in table.rotate.iter().flat_map(|r| &r.0) {
-            map.matrix3 = rotation_matrix(source, &what, rotation)? * map.matrix3;
+        if let Some(rotate) = &table.rotate {
+            map.matrix3 = rotations(source, &what, rotate)? * map.matrix3;
         }
         if let Some(translate) = &table.translate {
             map.translation = DVec3::from_array(*translate.get_ref());
@@ -57,11 +57,25 @@ pub(super) fn affine(
     Ok(map)
 }
 
-/// The rotation of a table.
-fn rotation_matrix(source: &Source, what: &str, table: &RotationTable) -> Result<DMat3, Error> {
-    let axis = source.direction(&table.axis, &format!("the axis of {what}"))?;
-    let degrees = f64::from(source.number(&table.degrees, &format!("the angle of {what}"))?);
-    Ok(rotation(axis, degrees))
+/// The rotations of a list, one after the other.
+pub(super) fn rotations(source: &Source, what: &str, list: &Rotations) -> Result<DMat3, Error> {
+    let mut matrix = DMat3::IDENTITY;
+    for table in &list.0 {
+        let axis = source.direction(&table.axis, &format!("the axis of {what}"))?;
+        let degrees = f64::from(source.number(&table.degrees, &format!("the angle of {what}"))?);
+        matrix = rotation(axis, degrees) * matrix;
+    }
+    Ok(matrix)
+}
+
+/// What a map does to directions, as a matrix that changes no length: it may turn and mirror, and scale evenly; `None`
+/// if it does more.
+pub(super) fn orthogonal(map: &DMat3) -> Option<DMat3> {
+    let size = map.x_axis.length();
+    let matrix = *map * (1.0 / size);
+    let off = matrix.transpose() * matrix - DMat3::IDENTITY;
+    let largest = off.to_cols_array().into_iter().map(f64::abs).fold(0.0, f64::max);
+    (largest < 1e-4).then_some(matrix)
 }
 
 /// Whether nothing keeps a volume under a map.

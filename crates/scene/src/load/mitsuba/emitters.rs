@@ -6,8 +6,11 @@ use glam::{DVec3, Vec3A};
 use super::Context;
 use super::plugin::Plugin;
 use super::xml::Element;
+use crate::load::image;
 use crate::load::keys::list;
-use crate::{Error, Light, LightKind, Spot};
+use crate::load::source::MAX_LIGHT;
+use crate::load::transform::orthogonal;
+use crate::{EnvironmentMap, Error, Light, LightKind, Spot};
 
 /// Adds the light of an element.
 pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result<(), Error> {
@@ -38,8 +41,9 @@ pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result
             LightKind::Directional { direction: direction.as_vec3a().normalize(), irradiance }
         }
         "constant" => LightKind::Environment { radiance: color(context, "radiance")? },
+        "envmap" => LightKind::EnvironmentMap(map(context, &plugin)?),
         _ => {
-            let known = ["point", "spot", "directional", "constant"];
+            let known = ["point", "spot", "directional", "constant", "envmap"];
             let fault = format!(
                 "{} isn't supported; the emitters are {}, and area in a shape",
                 plugin.title(),
@@ -49,14 +53,7 @@ pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result
         }
     };
     plugin.finish(context)?;
-    let color = match &kind {
-        LightKind::Point { intensity, .. } => *intensity,
-        LightKind::Spot(spot) => spot.intensity,
-        LightKind::Directional { irradiance, .. } => *irradiance,
-        LightKind::Environment { radiance } => *radiance,
-        LightKind::Area(light) => light.radiance(),
-    };
-    if color.is_black() {
+    if kind.is_black() {
         let text = format!("{} is black and left out", plugin.title());
         let warning = context.document.fault(element.place, text).to_string();
         context.assembly.warnings.push(warning);
@@ -65,6 +62,32 @@ pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result
     let name = context.name(element, context.assembly.lights.len() + 1);
     context.assembly.lights.push(Light { name, kind });
     Ok(())
+}
+
+fn map(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<EnvironmentMap, Error> {
+    let fault = |place, fault: String| context.document.fault(place, fault);
+    let Some(file) = plugin.get(&["filename"]) else {
+        let text = format!("{} needs a `filename`", plugin.title());
+        return Err(fault(plugin.element.place, text));
+    };
+    let scale = plugin.number(context, "scale")?.unwrap_or(1.0);
+    if !(0.0..=f64::from(MAX_LIGHT)).contains(&scale) {
+        let text = format!(
+            "`scale` of {} is {scale}; it lies between 0 and {MAX_LIGHT:e}",
+            plugin.title()
+        );
+        return Err(fault(plugin.element.place, text));
+    }
+    // A way of sampling.
+    plugin.boolean(context, "mis_compensation")?;
+    let Some(to_world) = orthogonal(&plugin.transform(context)?.matrix3) else {
+        let text = format!("to_world of {} distorts it; only turn it or mirror it", plugin.title());
+        return Err(fault(plugin.element.place, text));
+    };
+    let path = context.document.source(file.place).resolve(file.attribute("value").unwrap_or(""));
+    let (size, texels) = image::read_linear(&path, Rgb::splat(scale as f32))
+        .map_err(|text| fault(file.place, text))?;
+    Ok(EnvironmentMap::new(size, texels, to_world.as_mat3().into()))
 }
 
 fn spot<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>) -> Result<Spot, Error> {
