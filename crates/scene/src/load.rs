@@ -169,6 +169,9 @@ pub struct Options {
 /// that of the second; on each side of a box they span the unit square, upright as seen from outside; on a sphere u goes
 /// once around +y from +x, and v from -y to +y. Meshes have those of the file. An image has (0, 0) at its lower left.
 ///
+/// The image of an environment shows longitudes along its width and latitudes along its height, as nearly all do: its upper
+/// edge is +y, its middle lies towards +z and its left quarter towards +x.
+///
 /// A transform scales, by a number or `[x, y, z]`, then rotates, once or for each of a list, counterclockwise as seen
 /// against the axis, then translates; or it is a `matrix` of four rows, the last `[0, 0, 0, 1]`. Mirrored bodies keep
 /// their outside.
