@@ -15,7 +15,7 @@ const ONLY: &[(&str, &[&str])] = &[
     ("indicatif", &["cli"]),
     ("libm", &["base", "scene"]),
     ("memmap2", &["mapfile"]),
-    ("nix", &["cli"]),
+    ("nix", &["cli", "mapfile"]),
     ("obvhs", &["geometry"]),
     ("png", &["film"]),
     ("quick-xml", &["scene"]),

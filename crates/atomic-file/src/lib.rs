@@ -16,9 +16,11 @@
 //! ```
 
 mod error;
+mod partial;
 mod target;
 mod write;
 
 pub use error::Error;
+pub use partial::abandon;
 pub use target::{Existing, check};
 pub use write::write;

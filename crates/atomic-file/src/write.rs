@@ -4,6 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Seek};
 use std::path::Path;
 
+use crate::partial::Partial;
 use crate::target::{Target, bare};
 use crate::{Error, Existing};
 
@@ -40,23 +41,19 @@ pub fn write(
             #[cfg(unix)]
             builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
             // Dropped before it is renamed, a temporary file is removed.
-            let file =
-                builder.tempfile_in(&folder).map_err(|e| bare(&e)).map_err(failed_to("create"))?;
-            let (file, temporary) = file.into_parts();
+            let (file, partial) = Partial::new(&builder, &folder)
+                .map_err(|e| bare(&e))
+                .map_err(failed_to("create"))?;
             let file = fill(file, content).map_err(failed_to("write"))?;
             if let Some(permissions) = permissions {
                 file.set_permissions(permissions).map_err(failed_to("set the permissions of"))?;
             }
             file.sync_all().map_err(failed_to("write"))?;
             let bytes = file.metadata().map_err(failed_to("write"))?.len();
-            match existing {
-                Existing::Refuse => temporary.persist_noclobber(&target),
-                Existing::Replace => temporary.persist(&target),
-            }
-            .map_err(|e| match e.error.kind() {
+            partial.persist(&target, existing).map_err(|cause| match cause.kind() {
                 // It came into being while `content` was written.
                 io::ErrorKind::AlreadyExists => Error::Exists { path: path.into() },
-                _ => failed_to("rename the finished file to")(e.error),
+                _ => failed_to("rename the finished file to")(cause),
             })?;
             // Makes the new name survive a loss of power. Where folders cannot be synced, the file still is in its place.
             let _ = File::open(&folder).and_then(|folder| folder.sync_all());

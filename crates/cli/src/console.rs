@@ -3,21 +3,23 @@
 use std::fmt::Display;
 use std::io::{self, Write};
 
+use anyhow::bail;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::Verbosity;
+use crate::{Common, Verbosity};
 
 /// Where a program says what it does.
 #[derive(Clone, Copy, Debug)]
 pub struct Console {
     program: &'static str,
     verbosity: Verbosity,
+    is_strict: bool,
 }
 
 impl Console {
     /// The console of a program.
-    pub fn new(program: &'static str, verbosity: Verbosity) -> Self {
-        Self { program, verbosity }
+    pub fn new(program: &'static str, common: &Common) -> Self {
+        Self { program, verbosity: common.verbosity(), is_strict: common.strict }
     }
 
     fn line(&self, text: &dyn Display) {
@@ -26,8 +28,15 @@ impl Console {
     }
 
     /// Something that the user should know, whatever the verbosity.
-    pub fn warn(&self, text: impl Display) {
+    ///
+    /// # Errors
+    /// The same, with `--strict`.
+    pub fn warn(&self, text: impl Display) -> anyhow::Result<()> {
+        if self.is_strict {
+            bail!("{text} (a warning, but for --strict)");
+        }
         self.line(&format_args!("warning: {text}"));
+        Ok(())
     }
 
     /// What was done.

@@ -54,6 +54,9 @@ pub struct Common {
     /// Replace outputs that exist
     #[arg(long)]
     pub force: bool,
+    /// Take warnings for errors
+    #[arg(long)]
+    pub strict: bool,
     /// Say nothing but warnings and errors
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,

@@ -83,6 +83,12 @@ pub enum Error {
         /// The command that makes it anew, if the header can still be trusted.
         remedy: Option<String>,
     },
+    /// A map that somebody has written to while it was in use.
+    #[error("{} was changed while it was in use, so what was made with it is not to be trusted; put it back or make it anew, and start again", path.display())]
+    Touched {
+        /// The map.
+        path: PathBuf,
+    },
     /// A map made from inputs that have changed since.
     #[error("{} is stale: {}; make it anew with: {}", path.display(), list(changes), OneLine(remedy))]
     Stale {

@@ -25,8 +25,9 @@
 //!
 //! Arrays never run through a serializer: the file is mapped into memory, verified once, and lent out as slices. This
 //! assumes that nobody changes or shortens a map while it is in use. Programs of this project do not: they replace maps
-//! by renaming, which leaves the mapped one alive under no name. A file that is shortened nevertheless ends the process
-//! with SIGBUS.
+//! by renaming, which leaves the mapped one alive under no name. Where others do nevertheless, it doesn't go unnoticed:
+//! when bytes can't be had any more, since the file was shortened or its disk is gone, the process says so and ends
+//! with 1 (a handler of SIGBUS); when they were overwritten, [`MapFile::check_untouched`] tells.
 //!
 //! ```
 //! use mapfile::{MapFile, Section};

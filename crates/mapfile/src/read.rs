@@ -74,6 +74,18 @@ impl MapFile {
         &self.header
     }
 
+    /// To be asked before anything that was made with the map is shown: bytes that were verified may have been
+    /// overwritten since, by a program that doesn't replace files as those of this project do.
+    ///
+    /// # Errors
+    /// When the file was changed while it was in use.
+    pub fn check_untouched(&self) -> Result<(), Error> {
+        if self.bytes.is_untouched() {
+            return Ok(());
+        }
+        Err(Error::Touched { path: self.path.clone() })
+    }
+
     /// The section `name`, in place.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use base::{Photon, Share};
 use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
 use photon_map::{Loose, Metadata, PhotonMaps, ShardMetadata, largest_flux};
@@ -19,9 +19,13 @@ use crate::{Args, shard};
 /// # Errors
 /// Whatever went wrong, in words for the user.
 pub fn build(args: &Args) -> anyhow::Result<()> {
+    let interrupt = Interrupt::listen("photon-build", NOTHING_WRITTEN);
+    build_until(args, &interrupt).map_err(|error| interrupt.explain(error))
+}
+
+fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
     let mut clock = Clock::start();
-    let console = Console::new("photon-build", args.common.verbosity());
-    let interrupt = Interrupt::listen();
+    let console = Console::new("photon-build", &args.common);
     let (Some(scene_path), Some(output)) = (&args.scene, &args.output) else {
         bail!(WrongUsage("a scene and an output are needed".into()));
     };
@@ -34,7 +38,7 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
     let cli::SceneOptions { define, lenient } = args.scene_options.clone();
     let options = scene::Options { definitions: define, lenient };
     let (parts, warnings) = pool.install(|| scene::load_parts(scene_path, &options))?;
-    warnings.iter().for_each(|w| console.warn(w));
+    warnings.iter().try_for_each(|w| console.warn(w))?;
     let load = clock.lap();
     let scene = pool.install(|| Scene::assemble(parts));
     let bvh = clock.lap();
@@ -43,7 +47,7 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
         scene.lights.len(),
         pool.current_num_threads()
     ));
-    interrupt.check().context(NOTHING_WRITTEN)?;
+    interrupt.check()?;
 
     let config = Config {
         budget,
@@ -51,8 +55,8 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
         max_bounces: args.max_bounces,
         store_direct: args.store.contains(&Store::Direct),
     };
-    let traced = trace(&scene, &config, args.shard, &pool, &console, &interrupt)?;
-    audit(&traced.account, args.max_bounces, &console)?;
+    let traced = trace(&scene, &config, args.shard, &pool, &console, interrupt)?;
+    audit(&traced, args, &console)?;
     let trace = clock.lap();
 
     let metadata = metadata(&scene, &config, &traced.account);
@@ -77,7 +81,7 @@ pub fn build(args: &Args) -> anyhow::Result<()> {
         None => {
             let maps = pool.install(|| maps(metadata, &config, traced))?;
             let tree = clock.lap();
-            interrupt.check().context(NOTHING_WRITTEN)?;
+            interrupt.check()?;
             let file_bytes = maps.save(output, args.common.existing(), MADE_BY, &command_of_all)?;
             (Written::maps(&maps, file_bytes), tree)
         }
@@ -144,24 +148,40 @@ fn trace(
     };
     let traced = pool.install(|| photon_trace::trace_share(scene, config, share, &watch));
     bar.finish_and_clear();
-    traced.context(NOTHING_WRITTEN)
+    Ok(traced?)
 }
 
-/// Every photon must have met an end, and light must have come of it.
-fn audit(account: &Account, max_bounces: u32, console: &Console) -> anyhow::Result<()> {
-    let ended = account.absorbed + account.escaped + account.cut;
-    if ended != account.emitted {
+/// Every photon must have met an end, the ends must hold all the light, and what landed must be photons.
+fn audit(traced: &Traced, args: &Args, console: &Console) -> anyhow::Result<()> {
+    /// What rounding at every surface of a long path may come to.
+    const MOST_IMBALANCE: f64 = 1e-3;
+
+    let Account { emitted, absorbed, escaped, cut, energy, .. } = &traced.account;
+    let ended = absorbed + escaped + cut;
+    if ended != *emitted {
+        bail!("{emitted} photons were emitted and {ended} ended: this is a bug, please report it");
+    }
+    let is_balanced = energy.imbalance() <= MOST_IMBALANCE;
+    // No number is balanced.
+    if !is_balanced {
         bail!(
-            "{} photons were emitted and {ended} ended: this is a bug, please report it",
-            account.emitted
+            "no photon map was written, since energy got lost or was made: {energy:?} (W); this is a bug, please \
+             report it"
         );
     }
-    if account.cut > 0 {
-        let share = account.cut as f64 / account.emitted as f64 * 100.0;
+    let is_sound = |p: &Photon| p.position.is_finite() && p.flux.is_finite();
+    let sets = [&traced.direct, &traced.caustic, &traced.indirect];
+    if let Some(photon) = sets.into_iter().flatten().find(|p| !is_sound(p)) {
+        bail!(
+            "no photon map was written, since {photon:?} is no photon: this is a bug, please report it"
+        );
+    }
+    if *cut > 0 {
+        let share = *cut as f64 / *emitted as f64 * 100.0;
         console.warn(format_args!(
-            "{} photons ({share:.3} %) were cut after {max_bounces} surfaces; raise --max-bounces to keep their light",
-            account.cut
-        ));
+            "{cut} photons ({share:.3} %) were cut after {} surfaces; raise --max-bounces to keep their light",
+            args.max_bounces
+        ))?;
     }
     Ok(())
 }
@@ -172,7 +192,7 @@ fn photons_of_lights(scene: &Scene, config: &Config) -> Vec<u64> {
 }
 
 fn metadata(scene: &Scene, config: &Config, account: &Account) -> Metadata {
-    let Account { emitted, absorbed, escaped, cut, rays, flux } = *account;
+    let Account { emitted, absorbed, escaped, cut, rays, flux, .. } = *account;
     Metadata {
         inventory: scene.inventory().clone(),
         seed: config.seed,

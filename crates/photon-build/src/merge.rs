@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use base::PhotonClass;
 use cli::{Clock, Console, Interrupt, Seconds};
 use mapfile::MapFile;
@@ -18,8 +18,8 @@ use crate::stats::{self, Stages, Stats, Written};
 /// When a shard can't be read, is missing, there twice, or of another run; the message names it.
 pub(crate) fn merge(args: &Merge) -> anyhow::Result<()> {
     let mut clock = Clock::start();
-    let console = Console::new("photon-build", args.common.verbosity());
-    let interrupt = Interrupt::listen();
+    let console = Console::new("photon-build", &args.common);
+    let interrupt = Interrupt::listen("photon-build", NOTHING_WRITTEN);
     let outputs: Vec<&Path> =
         args.common.stats.iter().chain([&args.output]).map(PathBuf::as_path).collect();
     let inputs: Vec<&Path> = args.shards.iter().map(PathBuf::as_path).collect();
@@ -30,7 +30,7 @@ pub(crate) fn merge(args: &Merge) -> anyhow::Result<()> {
         let load = clock.lap();
         let maps = photon_map::merge(&shards);
         let tree = clock.lap();
-        interrupt.check().context(NOTHING_WRITTEN)?;
+        interrupt.check()?;
 
         let command = &shards[0].about.command_of_all;
         let file_bytes = maps.save(&args.output, args.common.existing(), MADE_BY, command)?;
@@ -45,6 +45,7 @@ pub(crate) fn merge(args: &Merge) -> anyhow::Result<()> {
         }
         Ok(())
     })
+    .map_err(|error| interrupt.explain(error))
 }
 
 /// A shard, its file and its name.
@@ -58,7 +59,7 @@ struct Opened<'a> {
 fn open(paths: &[PathBuf], interrupt: &Interrupt) -> anyhow::Result<Vec<PhotonShard>> {
     let mut opened: Vec<Opened<'_>> = Vec::new();
     for path in paths {
-        interrupt.check().context(NOTHING_WRITTEN)?;
+        interrupt.check()?;
         let (shard, file) = PhotonShard::open(path)?;
         let this = Opened { path, file, shard };
         if let Some(first) = opened.first() {

@@ -11,4 +11,4 @@ mod budget;
 mod trace;
 
 pub use budget::{Budget, photons_of_lights};
-pub use trace::{Account, Config, Traced, trace, trace_share};
+pub use trace::{Account, Config, Energy, Traced, trace, trace_share};

@@ -4,6 +4,7 @@ mod adaptive;
 mod args;
 mod diff;
 mod frame;
+mod health;
 mod original;
 mod output;
 mod paper;

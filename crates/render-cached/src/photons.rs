@@ -5,11 +5,11 @@ use std::path::Path;
 
 use anyhow::bail;
 use cli::SceneOptions;
-use mapfile::{Error, Header};
+use mapfile::{Error, Header, MapFile};
 use photon_map::PhotonMaps;
 use scene::Scene;
 
-/// Opens the photon maps of a scene.
+/// Opens the photon maps of a scene, and their file.
 ///
 /// # Errors
 /// When there are none, when they can't be read, or when they were made of something else.
@@ -18,7 +18,7 @@ pub(crate) fn open(
     scene_path: &Path,
     scene_options: &SceneOptions,
     scene: &Scene,
-) -> anyhow::Result<PhotonMaps> {
+) -> anyhow::Result<(PhotonMaps, MapFile)> {
     let words = || scene_options.words().into_iter().map(OsString::from);
     if !path.exists() {
         bail!(
@@ -36,7 +36,7 @@ pub(crate) fn open(
             remedy: remedy(path, scene_path, scene_options, &photons, file.header()),
         });
     }
-    Ok(photons)
+    Ok((photons, file))
 }
 
 /// The command that makes the maps anew. That in the file won't do if they are of another scene, or were made elsewhere.

@@ -4,10 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::bail;
-use base::{
-    Components, Fingerprint, FingerprintBuilder, Grid, ImageSize, Interrupted, Inventory, Rgb,
-    Watch,
-};
+use base::{Components, Fingerprint, FingerprintBuilder, Grid, ImageSize, Inventory, Rgb, Watch};
 use cache_map::{Origin, Reason};
 use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
 use film::Format;
@@ -17,7 +14,7 @@ use shade::{Counts, Settings, Shader};
 
 use crate::adaptive::{self, ErrorReport};
 use crate::frame::Frame;
-use crate::{Args, Mode, original, output, paper, photons, stats};
+use crate::{Args, Mode, health, original, output, paper, photons, stats};
 
 /// A picture by components, and what it took.
 #[derive(Debug)]
@@ -76,11 +73,9 @@ impl Progress<'_> {
 /// Whatever went wrong, in words for the user.
 pub fn render(args: &Args) -> anyhow::Result<()> {
     let clock = Clock::start();
+    let interrupt = Interrupt::listen("render-cached", "no picture was written");
     let pool = check(args)?;
-    pool.install(|| render_in_pool(args, clock)).map_err(|error| match error.is::<Interrupted>() {
-        true => error.context("no picture was written"),
-        false => error,
-    })
+    pool.install(|| render_in_pool(args, &interrupt, clock)).map_err(|e| interrupt.explain(e))
 }
 
 /// Finds what can't work before anything is done.
@@ -129,10 +124,9 @@ fn check_memory(size: ImageSize) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
-    let console = Console::new("render-cached", args.common.verbosity());
-    let interrupt = Interrupt::listen();
-    let progress = Progress { console: &console, interrupt: &interrupt };
+fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyhow::Result<()> {
+    let console = Console::new("render-cached", &args.common);
+    let progress = Progress { console: &console, interrupt };
     let (Some(scene_path), Some(photons_path)) = (&args.scene, &args.photons) else {
         bail!(WrongUsage("a scene and its photon maps are needed".into()));
     };
@@ -140,14 +134,15 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
     let cli::SceneOptions { define, lenient } = args.scene_options.clone();
     let options = scene::Options { definitions: define, lenient };
     let loaded = scene::load_with(scene_path, &options)?;
-    loaded.warnings.iter().for_each(|w| console.warn(w));
+    loaded.warnings.iter().try_for_each(|w| console.warn(w))?;
     let scene = loaded.scene;
     let usual = ImageSize { width: 512, height: 512 };
     let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
     check_memory(args.subpixels(resolution))?;
     // Whatever tells of this picture names its size.
     let args = &Args { resolution: Some(resolution), ..args.clone() };
-    let photons = photons::open(photons_path, scene_path, &args.scene_options, &scene)?;
+    let (photons, photons_file) =
+        photons::open(photons_path, scene_path, &args.scene_options, &scene)?;
     let settings = settings(args, scene.bounds().diagonal());
     let inputs = inputs(&scene, &photons, &settings);
     let load = clock.lap();
@@ -179,10 +174,12 @@ fn render_in_pool(args: &Args, mut clock: Clock) -> anyhow::Result<()> {
         let n = rendered.counts.chains_cut;
         console.warn(format_args!(
             "{n} specular chains were cut; surfaces that reflect everything face each other"
-        ));
+        ))?;
     }
 
-    output::write(args, &frame, &rendered, &inputs, &interrupt)?;
+    health::check(&rendered.values, args.supersample)?;
+    photons_file.check_untouched()?;
+    output::write(args, &frame, &rendered, &inputs, interrupt)?;
     let write = clock.lap();
 
     let stages = stats::Stages { load, primary, write, total: clock.total() };

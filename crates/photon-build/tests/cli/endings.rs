@@ -86,3 +86,48 @@ fn threads_that_cannot_be_had_are_told() {
         .code(1)
         .stderr("photon-build: cannot start 60 threads; ask for fewer with -t: Resource temporarily unavailable (os error 11)\n");
 }
+
+#[test]
+fn warnings_are_errors_where_it_is_asked_for() {
+    let bench = Bench::new();
+    let cut = "scene.toml --photons 1K --max-bounces 1 -o a.photons";
+    let (_, said) = bench.run(&format!("{cut} -q"));
+    let warning = said.strip_prefix("photon-build: warning: ").unwrap().trim_end().to_owned();
+    bench.refuses(
+        &format!("{cut} --force --strict"),
+        1,
+        &format!("{warning} (a warning, but for --strict)"),
+    );
+    bench.run("scene.toml --photons 1K -o b.photons --strict");
+}
+
+#[test]
+fn an_end_is_in_time_wherever_it_is_asked_for() {
+    let bench = Bench::new();
+    let before = bench.files();
+    // Sorting millions of photons into a tree, and writing them, has no pieces between which anybody is asked.
+    for delay in [2000, 2600, 3200] {
+        let mut child = bench
+            .command("scene.toml -o a.photons --photons 4M -q --store direct")
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(delay));
+        let start = Instant::now();
+        let id = child.id().to_string();
+        if child.try_wait().unwrap().is_some() {
+            break;
+        }
+        assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        let elapsed = start.elapsed();
+        if output.status.success() {
+            break;
+        }
+        assert_eq!(output.status.code(), Some(130));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(said, "photon-build: no photon map was written: interrupted\n");
+        assert!(elapsed < Duration::from_millis(1200), "{elapsed:?}");
+        assert!(bench.files() == before);
+    }
+}

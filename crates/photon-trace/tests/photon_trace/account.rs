@@ -53,6 +53,10 @@ fn every_photon_is_absorbed_or_gone_or_cut() {
         let traced = photon_trace::trace(&scene, &config, &|_| true).unwrap();
         let account = traced.account;
         assert!(balanced(&account), "{account:?}");
+        assert!(account.energy.imbalance() < 1e-5, "{account:?}");
+        let watts = f64::from(account.flux.mean());
+        // What a start of the environment carries is a matter of chance.
+        assert!((account.energy.emitted - watts).abs() < 1e-2 * watts, "{account:?}");
         assert_eq!(account.emitted, 50_000);
         assert!(account.rays <= u64::from(max_bounces) * account.emitted, "{account:?}");
         assert!(photons(&traced) as u64 <= account.rays, "{account:?}");

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use assert_cmd::assert::OutputAssertExt;
 
-use crate::bench::{Bench, MODES, SMALL};
+use crate::bench::{Bench, MODES, SCENE, SMALL};
 
 #[test]
 fn nobody_needs_to_listen() {
@@ -63,4 +63,45 @@ fn interrupts_leave_nothing() {
         assert!(elapsed < Duration::from_secs(1), "{mode}: {elapsed:?}");
         assert!(bench.files() == before, "{mode}");
     }
+}
+
+#[test]
+fn an_end_is_heard_while_a_picture_is_written() {
+    let bench = Bench::new();
+    bench.write("a.exr", "precious");
+    let before = bench.files();
+    let large = "scene.toml --photons a.photons --mode original --resolution 1400x1400 --shadow-rays 1 --gather 2";
+    let mut child = bench
+        .command(&format!("{large} --caustic-gather 2 -o a.exr --force -q"))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // A picture that is being written has another name.
+    while bench.files().len() == before.len() {
+        assert!(child.try_wait().unwrap().is_none(), "it was written before anybody saw it");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let start = Instant::now();
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let elapsed = start.elapsed();
+    assert_eq!(output.status.code(), Some(130));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.ends_with("render-cached: no picture was written: interrupted\n"), "{said}");
+    assert!(elapsed < Duration::from_millis(1200), "{elapsed:?}");
+    assert!(bench.files() == before);
+}
+
+#[test]
+fn warnings_are_errors_where_it_is_asked_for() {
+    let unused = "\n[materials.unused]\ntype = \"diffuse\"\nalbedo = 0.5\n";
+    let bench = Bench::of(&format!("{SCENE}{unused}"));
+    let (_, said) = bench.run(&format!("{SMALL} -o a.exr -q"));
+    let warning = said.strip_prefix("render-cached: warning: ").unwrap().trim_end().to_owned();
+    bench.refuses(
+        &format!("{SMALL} -o b.exr --strict"),
+        1,
+        &format!("{warning} (a warning, but for --strict)"),
+    );
 }

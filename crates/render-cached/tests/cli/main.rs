@@ -9,6 +9,7 @@ mod caches;
 mod degenerate;
 mod diff;
 mod endings;
+mod faults;
 mod maps;
 mod mitsuba;
 mod outputs;

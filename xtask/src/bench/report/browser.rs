@@ -1,9 +1,10 @@
 //! The report in a real browser, used as a reader would use it.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 
@@ -20,6 +21,9 @@ fn browser() -> Option<PathBuf> {
         .filter(|program| program.is_file());
     named.or_else(|| found.next())
 }
+
+/// How long a browser may take for a page; it takes seconds.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// What the page says of its own check: see `selfTest` in `page.js`.
 #[derive(Debug, Deserialize)]
@@ -44,7 +48,8 @@ fn checked(browser: &Path, folder: &Path, width: u32, is_dark: bool) -> Outcome 
          <iframe width=\"{width}\" height=\"900\" style=\"border: 0\" src=\"report.html#selftest\"></iframe>"
     );
     fs::write(&frame, html).unwrap();
-    let output = Command::new(browser)
+    let dumped = folder.join("dom.html");
+    let mut child = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
         .args(["--no-first-run", "--disable-background-networking", "--disable-sync"])
         .args(is_dark.then_some("--force-dark-mode"))
@@ -53,10 +58,20 @@ fn checked(browser: &Path, folder: &Path, width: u32, is_dark: bool) -> Outcome 
         .arg("--window-size=1400,1000")
         .args(["--virtual-time-budget=10000", "--dump-dom"])
         .arg(format!("file://{}", frame.display()))
+        .stdout(File::create(&dumped).unwrap())
         .stderr(Stdio::null())
-        .output()
+        .spawn()
         .unwrap();
-    let dom = String::from_utf8(output.stdout).unwrap();
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if start.elapsed() > PATIENCE {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("{} hasn't ended within {PATIENCE:?}", browser.display());
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let dom = fs::read_to_string(&dumped).unwrap();
     let result =
         dom.split("<pre id=\"result\">").nth(1).and_then(|rest| rest.split("</pre>").next());
     let result = result.unwrap_or_else(|| panic!("{} wrote no result:\n{dom}", browser.display()));

@@ -1,0 +1,141 @@
+//! Writes files to start from, a folder of `corpus` for each target: sound ones of every kind that a reader takes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use base::{Component, Fingerprint, Grid, ImageSize, Inventory, Photon, Pixel, Rgb, encode_octahedral};
+use cache_map::{CacheMap, Origin, SurfacePoint};
+use film::{Existing, Picture};
+use glam::{Vec3, Vec3A};
+use photon_map::{Metadata, PhotonMaps, PhotonSet};
+
+fn main() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let top = here.join("../..");
+    let into = |target: &str, name: &str| -> PathBuf {
+        let folder = here.join("corpus").join(target);
+        fs::create_dir_all(&folder).expect("a folder for seeds");
+        folder.join(name)
+    };
+    let write = |target: &str, name: &str, bytes: &[u8]| {
+        fs::write(into(target, name), bytes).expect("a seed");
+    };
+
+    photon_maps(&into("photon_map", "a.photons"));
+    cache_map(&into("cache_map", "a.cache"));
+    for target in ["records", "map_header"] {
+        let golden = fs::read(top.join("crates/cache-map/tests/golden.records")).expect("it is in the repository");
+        write(target, "golden", &golden);
+    }
+    write("map_header", "golden.map", &fs::read(top.join("crates/mapfile/tests/golden.map")).expect("it is in the repository"));
+
+    for scene in scenes(&top.join("scenes")) {
+        let bytes = fs::read(&scene).expect("a scene of the repository");
+        write("scene_toml", &scene.to_string_lossy().replace('/', "_"), &bytes);
+    }
+    write("scene_toml", "everything", include_bytes!("../seeds/everything.toml"));
+    write("mitsuba", "everything", include_bytes!("../seeds/everything.xml"));
+    write("obj", "everything", include_bytes!("../seeds/everything.obj"));
+    for (name, bytes) in plys() {
+        write("ply", name, &bytes);
+    }
+    images(&into("image", ""), &into("exr", ""));
+}
+
+fn scenes(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).expect("a folder of the repository").map(|e| e.expect("an entry").path());
+    let mut found = Vec::new();
+    for path in entries {
+        if path.is_dir() {
+            found.extend(scenes(&path));
+        } else if path.ends_with("scene.toml") {
+            found.push(path);
+        }
+    }
+    found
+}
+
+fn photon_maps(path: &Path) {
+    let photons: Vec<Photon> = (0..70)
+        .map(|i| Photon {
+            position: Vec3::new(i as f32 * 0.01, (i * i % 17) as f32 * 0.1, 0.5),
+            normal: encode_octahedral(Vec3A::Z),
+            flux: Rgb::new(1.0, 0.5, 0.25),
+        })
+        .collect();
+    let mut metadata = Metadata { emitted: 100, absorbed: 100, flux: Rgb::ONE, ..Metadata::default() };
+    metadata.inventory.add("mesh `box`", Fingerprint(7));
+    let maps = PhotonMaps {
+        metadata,
+        direct: Some(PhotonSet::build(&photons[..1])),
+        caustic: PhotonSet::build(&photons[..33]),
+        indirect: PhotonSet::build(&photons),
+    };
+    maps.save(path, Existing::Replace, "seeds", "make {file}").expect("a seed");
+}
+
+fn cache_map(path: &Path) {
+    let size = ImageSize { width: 7, height: 7 };
+    let surface = |p: Pixel| SurfacePoint { position: Vec3::new(p.x as f32, p.y as f32, 0.0), normal: Vec3::Z };
+    let mut map = CacheMap::new(Grid::from_fn(size, |p| Some(surface(p))));
+    let pixels: Vec<Pixel> = (0..7).map(|i| Pixel { x: i, y: i }).collect();
+    for component in Component::ALL {
+        map.record(component, &pixels, &[Rgb::ONE; 7], Origin::Sampled);
+    }
+    let mut inputs = Inventory::new();
+    inputs.add("camera", Fingerprint(1));
+    map.save(path, Existing::Replace, &inputs, "seeds", "make {file}").expect("a seed");
+}
+
+fn plys() -> Vec<(&'static str, Vec<u8>)> {
+    let ascii = b"ply\nformat ascii 1.0\ncomment x\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+        property float nx\nproperty float ny\nproperty float nz\nelement face 4\nproperty list uchar int vertex_indices\n\
+        end_header\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n0 0 1 0 1 0\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+    let binary = |format: &str, order: fn([u8; 4]) -> [u8; 4]| {
+        let mut bytes = format!(
+            "ply\nformat {format} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property float u\nproperty float v\nelement face 1\nproperty list uchar uint vertex_index\nend_header\n"
+        )
+        .into_bytes();
+        for i in 0..15 {
+            bytes.extend(order((i as f32 * 0.37 % 1.0).to_le_bytes()));
+        }
+        bytes.push(3);
+        (0..3_u32).for_each(|i| bytes.extend(order(i.to_le_bytes())));
+        bytes
+    };
+    vec![
+        ("ascii", ascii.to_vec()),
+        ("little", binary("binary_little_endian", |b| b)),
+        ("big", binary("binary_big_endian", |[a, b, c, d]| [d, c, b, a])),
+    ]
+}
+
+fn images(folder: &Path, exrs: &Path) {
+    let size = ImageSize { width: 5, height: 3 };
+    let grid = Grid::from_fn(size, |p| Rgb::new(p.x as f32 * 0.2, p.y as f32 * 0.3, 0.1));
+    let scratch = exrs.join("a.exr");
+    let mut picture = Picture::new(size, "{}".into());
+    picture.push_rgb("", &grid);
+    film::write_exr(&scratch, Existing::Replace, &picture).expect("a seed");
+    picture.push("Z", vec![1.0; 15]);
+    film::write_exr(&exrs.join("b.exr"), Existing::Replace, &picture).expect("a seed");
+
+    // The first byte says which ending the file gets.
+    let write = |name: &str, ending: u8, bytes: &[u8]| {
+        fs::write(folder.join(name), [&[ending], bytes].concat()).expect("a seed");
+    };
+    let png = folder.join("png");
+    film::write_png(&png, Existing::Replace, &grid, 0.0).expect("a seed");
+    let bytes = fs::read(&png).expect("it was just written");
+    write("png", 0, &bytes);
+    write("tga", 2, &[&[0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 2, 0, 24, 0][..], &[90; 12]].concat());
+    write("tga-packed", 2, &[0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, 1, 0, 24, 0, 0x83, 1, 2, 3]);
+    let bmp = [
+        &b"BM"[..], &[70, 0, 0, 0, 0, 0, 0, 0, 54, 0, 0, 0, 40, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0, 1, 0, 24, 0], &[0; 24],
+        &[200; 16],
+    ];
+    write("bmp", 3, &bmp.concat());
+    let hdr = [&b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n"[..], &[128, 128, 128, 129, 10, 20, 30, 128]];
+    write("hdr", 4, &hdr.concat());
+}
