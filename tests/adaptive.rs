@@ -4,6 +4,7 @@ mod bad_cases;
 mod bench;
 mod cost;
 mod honesty;
+mod lens;
 mod lights;
 mod rooms;
 mod shadows;

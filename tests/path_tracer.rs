@@ -48,7 +48,7 @@ impl Reference {
     }
 }
 
-/// Renders what the scene's camera sees, every sample through the middle of its pixel.
+/// Renders what the scene's camera sees, every sample through the middle of its pixel, and anywhere through its lens.
 ///
 /// `scene` is made of `parts`. The result depends on the arguments alone.
 pub(crate) fn render(
@@ -62,9 +62,17 @@ pub(crate) fn render(
     let row = |y: u32| -> Vec<PixelSums> {
         let pixel = |x: u32| {
             let mut random = Random::new(seed, u64::from(y) << 32 | u64::from(x));
-            let eye_ray = scene.camera.ray(size, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let mut sums = PixelSums::default();
-            (0..samples_per_pixel).for_each(|_| sums.add(&tracer.path(eye_ray, &mut random)));
+            for _ in 0..samples_per_pixel {
+                let eye_ray = if scene.camera.is_pinhole() {
+                    scene.camera.ray(size, at)
+                } else {
+                    let u = [random.uniform(), random.uniform()].map(|u| u as f32);
+                    scene.camera.lens_ray(size, at, Vec2::from_array(u))
+                };
+                sums.add(&tracer.path(eye_ray, &mut random));
+            }
             sums
         };
         (0..size.width).map(pixel).collect()

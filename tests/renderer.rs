@@ -1,6 +1,6 @@
 //! The two passes without their programs: photons, then every component at every pixel.
 
-use base::{Component, Components, Grid, ImageSize, Rgb};
+use base::{Component, Components, Grid, ImageSize, Rgb, Rng, Stream};
 use glam::Vec2;
 use photon_map::{Metadata, PhotonMaps, PhotonSet};
 use photon_trace::{Budget, Config};
@@ -40,12 +40,15 @@ pub(crate) fn photons(scene: &Scene, n_photons: u64, seed: u64) -> PhotonMaps {
     }
 }
 
-/// Pass 2, as `--mode original` does it.
+/// Pass 2, as `--mode original` does it; through a lens, one ray for each pixel.
 pub(crate) fn original(shader: &Shader<'_>, size: ImageSize) -> Rendering {
     let row = |y: u32| -> Vec<(Rgb, Components<Rgb>)> {
         let mut work = Work::default();
         let mut pixel = |x: u32| {
-            let ray = shader.scene.camera.ray(size, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let mut random =
+                Rng::new(shader.settings.seed, Stream::Lens, u64::from(y * size.width + x));
+            let ray = shader.scene.camera.lens_ray(size, at, random.next_2d());
             let Some(point) = shader.eye_point(&ray, &mut work) else {
                 return (shader.background(ray.dir()), Components::default());
             };

@@ -165,6 +165,25 @@ fn under_an_image() {
     });
 }
 
+/// A room through a wide lens: a block in focus, a glass ball before and a mirror behind.
+#[test]
+fn through_a_lens() {
+    let eye = Vec3::new(0.13, 0.94, 3.9);
+    let camera = Camera::look_at(eye, Vec3::new(0.02, 0.6, 0.0), Vec3::Y, 30.0, FovAxis::Y);
+    let mut parts = Parts { camera: camera.with_lens(0.25, 3.6), ..room(1.5) };
+    add_sphere(&mut parts, Vec3::new(-0.4, 0.3, 0.7), 0.25, glass(1.5));
+    let block = cuboid(Vec3::new(0.15, 0.1, 0.1), Vec3::new(0.7, 0.8, 0.5));
+    add_mesh(&mut parts, block, diffuse(Rgb::new(0.2, 0.5, 0.7)));
+    add_sphere(&mut parts, Vec3::new(-0.3, 0.5, -0.6), 0.35, mirror(0.9));
+    assert_agreement(&Case {
+        name: "through-a-lens",
+        parts,
+        samples_per_pixel: 512,
+        photons: 2_000_000,
+        radius: 0.03,
+    });
+}
+
 /// A spot at one side of a room; a mirror and a glass ball at the other see by its light, but none of it comes to them
 /// directly, since the path tracer couldn't follow it further.
 #[test]

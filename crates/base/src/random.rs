@@ -34,6 +34,8 @@ pub enum Stream {
     Probe = 10,
     /// Directions in which rough surfaces are followed, and points on emitters that they show.
     Lobe = 11,
+    /// Where eye rays come through a lens.
+    Lens = 12,
 }
 
 /// Mixes two 64-bit values into one, by two rounds of the finalizer of `SplitMix64` (Steele et al. 2014).

@@ -1,8 +1,10 @@
 //! The eye rays of a picture, and the shading of any set of its pixels.
 
-use base::{Component, Grid, ImageSize, Interrupted, Pixel, Ray, Rgb, Watch};
+use base::{
+    Component, Grid, ImageSize, Interrupted, OwenSobol, Pixel, Ray, Rgb, Stream, Watch, hash_u64,
+};
 use geometry::Surface;
-use glam::Vec2;
+use glam::{Vec2, Vec3A};
 use rayon::prelude::*;
 use shade::{Counts, PixelStream, Shader, ShadingPoint, Work};
 
@@ -80,6 +82,15 @@ impl<'a> Frame<'a> {
         )
     }
 
+    /// Where the eye ray of a pixel starts.
+    pub(crate) fn eye(&self, pixel: Pixel) -> Vec3A {
+        let camera = &self.shader.scene.camera;
+        if camera.is_pinhole() {
+            return camera.origin();
+        }
+        eye_ray(&self.shader, self.size(), pixel).origin()
+    }
+
     /// The first surface of a pixel, as the eye sees it.
     pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
         let w_o = -eye_ray(&self.shader, self.size(), pixel).dir();
@@ -130,8 +141,36 @@ impl<'a> Frame<'a> {
     }
 }
 
+/// The ray through the middle of a pixel, and through a lens, if there is one, where the place of the pixel tells.
+///
+/// Sobol' points in Morton order (Ahmed and Wonka 2020): any square of 2^n pixels a side, at a multiple of that, has
+/// stratified points, so the subpixels of a pixel see the whole lens, and the noise of neighbors differs.
 fn eye_ray(shader: &Shader<'_>, size: ImageSize, pixel: Pixel) -> Ray {
-    shader.scene.camera.ray(size, Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5))
+    let camera = &shader.scene.camera;
+    let at = Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5);
+    if camera.is_pinhole() {
+        return camera.ray(size, at);
+    }
+    let points = OwenSobol::new(hash_u64(shader.settings.seed, Stream::Lens as u64));
+    camera.lens_ray(size, at, points.point::<2>(morton(pixel)).into())
+}
+
+/// The number of a pixel along a curve that goes through each square of 2^n pixels a side before it goes on.
+fn morton(pixel: Pixel) -> u64 {
+    let spread = |v: u32| {
+        let mut v = u64::from(v);
+        for (shift, mask) in [
+            (16, 0x0000_ffff_0000_ffff),
+            (8, 0x00ff_00ff_00ff_00ff),
+            (4, 0x0f0f_0f0f_0f0f_0f0f),
+            (2, 0x3333_3333_3333_3333),
+            (1, 0x5555_5555_5555_5555),
+        ] {
+            v = (v | v << shift) & mask;
+        }
+        v
+    };
+    spread(pixel.x) | spread(pixel.y) << 1
 }
 
 fn pixels_by_tiles(size: ImageSize) -> Vec<Pixel> {

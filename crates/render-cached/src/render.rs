@@ -136,6 +136,11 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let loaded = scene::load_with(scene_path, &options)?;
     loaded.warnings.iter().try_for_each(|w| console.warn(w))?;
     let scene = loaded.scene;
+    if !scene.camera.is_pinhole() && args.supersample < 4 {
+        console.warn(
+            "with so few rays through the lens what is out of focus is noisy; give --supersample 4 or more",
+        );
+    }
     let usual = ImageSize { width: 512, height: 512 };
     let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
     check_memory(args.subpixels(resolution))?;

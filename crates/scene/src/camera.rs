@@ -1,6 +1,6 @@
 //! From pixels to eye rays and back.
 
-use base::{Fingerprint, FingerprintBuilder, ImageSize, Ray, math};
+use base::{Fingerprint, FingerprintBuilder, ImageSize, Ray, math, warp};
 use glam::{Vec2, Vec3, Vec3A};
 
 /// Which side of the picture the field of view spans.
@@ -18,7 +18,7 @@ pub enum FovAxis {
     Diagonal,
 }
 
-/// A pinhole camera.
+/// A camera: a pinhole, or a thin lens.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     origin: Vec3A,
@@ -28,6 +28,15 @@ pub struct Camera {
     tan_half_fov: f32,
     fov_axis: FovAxis,
     film: Option<ImageSize>,
+    lens: Option<Lens>,
+}
+
+/// A thin lens.
+#[derive(Clone, Copy, Debug)]
+struct Lens {
+    radius: f32,
+    /// Distance along the view axis of what is sharp.
+    focus: f32,
 }
 
 impl Camera {
@@ -45,7 +54,19 @@ impl Camera {
             tan_half_fov: math::tan(fov.to_radians() * 0.5),
             fov_axis,
             film: None,
+            lens: None,
         }
+    }
+
+    /// The same camera behind a thin lens: what lies at the distance `focus` along the view axis is sharp. Both lengths
+    /// are above 0.
+    pub fn with_lens(self, radius: f32, focus: f32) -> Self {
+        Self { lens: Some(Lens { radius, focus }), ..self }
+    }
+
+    /// Whether everything is sharp, so that all eye rays start at one point.
+    pub fn is_pinhole(&self) -> bool {
+        self.lens.is_none()
     }
 
     /// The same camera, with the size that its pictures are meant to have.
@@ -72,18 +93,34 @@ impl Camera {
     }
 
     /// The eye ray through a place of the picture, in pixels from its upper left corner: (0.5, 0.5) is the middle of the
-    /// first pixel.
+    /// first pixel. If there is a lens, it comes through its middle.
     pub fn ray(&self, size: ImageSize, at: Vec2) -> Ray {
-        let p = (at / Vec2::new(size.width as f32, size.height as f32) * 2.0 - Vec2::ONE)
-            * self.half_extent(size);
-        Ray::unbounded(self.origin, (self.forward + self.right * p.x - self.up * p.y).normalize())
+        Ray::unbounded(self.origin, self.along(size, at).normalize())
     }
 
-    /// Where a point appears in the picture, in pixels as for [`Camera::ray`], if it lies in front of the eye.
+    /// One of the eye rays through a place of the picture, in pixels as for [`Camera::ray`]: `u` tells, uniformly by area,
+    /// where it comes through the lens.
+    pub fn lens_ray(&self, size: ImageSize, at: Vec2, u: Vec2) -> Ray {
+        let Some(Lens { radius, focus }) = self.lens else { return self.ray(size, at) };
+        let place = warp::uniform_disc(u) * radius;
+        let aside = self.right * place.x + self.up * place.y;
+        let dir = (self.along(size, at) * focus - aside).normalize();
+        Ray::unbounded(self.origin + aside, dir)
+    }
+
+    /// From the eye to a place of the picture at distance 1 along the view axis.
+    fn along(&self, size: ImageSize, at: Vec2) -> Vec3A {
+        let p = (at / Vec2::new(size.width as f32, size.height as f32) * 2.0 - Vec2::ONE)
+            * self.half_extent(size);
+        self.forward + self.right * p.x - self.up * p.y
+    }
+
+    /// Where a point appears in the picture, in pixels as for [`Camera::ray`], if it lies in front of the eye. Through a
+    /// lens points appear as discs: none.
     pub fn project(&self, size: ImageSize, point: Vec3A) -> Option<Vec2> {
         let d = point - self.origin;
         let depth = d.dot(self.forward);
-        if depth <= 0.0 {
+        if depth <= 0.0 || !self.is_pinhole() {
             return None;
         }
         let p = Vec2::new(d.dot(self.right), -d.dot(self.up)) / depth / self.half_extent(size);
@@ -100,7 +137,7 @@ impl Camera {
         (point - self.origin).dot(self.forward)
     }
 
-    /// Where the eye is.
+    /// Where the eye is, or the middle of the lens.
     pub fn origin(&self) -> Vec3A {
         self.origin
     }
@@ -112,6 +149,10 @@ impl Camera {
             digest.pod(&v.to_array());
         }
         digest.pod(&[self.tan_half_fov]).pod(&[self.fov_axis as u8]);
+        // Nothing of pinholes, so that what was saved of their views stays valid.
+        if let Some(Lens { radius, focus }) = self.lens {
+            digest.bytes(b"lens").pod(&[radius, focus]);
+        }
         digest.finish()
     }
 }
@@ -136,6 +177,32 @@ mod tests {
                 let back = camera.project(size, point).unwrap();
                 assert!((back - at).length() < 1e-2, "{at} became {back}");
             }
+        }
+    }
+
+    #[test]
+    fn rays_through_a_lens_meet_where_it_is_sharp() {
+        let size = ImageSize { width: 640, height: 360 };
+        let (eye, target) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, 1.0, -4.0));
+        let pinhole = Camera::look_at(eye, target, Vec3::Y, 50.0, FovAxis::X);
+        let camera = pinhole.with_lens(0.3, 5.0);
+        assert!(camera.fingerprint() != pinhole.fingerprint());
+        let axis = Vec3A::from(target - eye).normalize();
+        for at in [Vec2::new(320.0, 180.0), Vec2::new(3.0, 350.0)] {
+            let chief = camera.ray(size, at);
+            let sharp = chief.at(5.0 / chief.dir().dot(axis));
+            let (mut sum, mut farthest) = (Vec3A::ZERO, 0.0_f32);
+            for i in 0..4096 {
+                let u = Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5) / 64.0;
+                let ray = camera.lens_ray(size, at, u);
+                let aside = ray.origin() - Vec3A::from(eye);
+                assert!(aside.dot(axis).abs() < 1e-5, "{aside} lies off the lens");
+                let passed = ray.at((sharp - ray.origin()).dot(ray.dir()));
+                assert!((passed - sharp).length() < 1e-4, "{at}: {passed}, not {sharp}");
+                sum += aside;
+                farthest = farthest.max(aside.length());
+            }
+            assert!(sum.length() / 4096.0 < 1e-4 && (0.295..0.300_01).contains(&farthest));
         }
     }
 

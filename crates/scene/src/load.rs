@@ -61,7 +61,7 @@ pub struct Options {
 ///   `roughdielectric` and `roughconductor` of GGX, `twosided`; every surface has two equal sides
 /// - textures: `bitmap`, `checkerboard`
 /// - emitters: `area` (not of spheres), `point`, `spot`, `directional`, `constant`, `envmap`
-/// - sensor: `perspective` with every `fov_axis` or `focal_length`; the size of the film is the default of `--resolution`
+/// - sensor: `perspective` and `thinlens` with every `fov_axis` or `focal_length`; the size of the film is the default of `--resolution`
 /// - colors: `rgb`, `srgb`, hexadecimal, `spectrum` of one value
 ///
 /// Integrators, samplers and what films do beside their size are quality settings, and ignored. Anything else is an error
@@ -82,6 +82,8 @@ pub struct Options {
 /// fov = 40                 # whole angle of view
 /// fov_axis = "x"           # across the width, which is the default; "y": the height; "smaller", "larger": that side;
 ///                          # "diagonal": from corner to corner
+/// aperture_radius = 0.05   # optional: a thin lens of this radius, which blurs what isn't in focus
+/// focus_distance = 8       # along the view axis; the default is that of the target
 ///
 /// [textures.NAME]          # one of the two types
 /// type = "bitmap"

@@ -114,7 +114,7 @@ fn faults_of_syntax() {
     #[rustfmt::skip]
     let cases = [
         ("fov = 40", "fov = 40\nlens = 3",
-         "scene.toml:5:1: unknown key `lens`, expected one of `origin`, `target`, `up`, `fov`, `fov_axis`"),
+         "scene.toml:5:1: unknown key `lens`, expected one of `origin`, `target`, `up`, `fov`, `fov_axis`, `aperture_radius`, `focus_distance`"),
         ("[camera]\norigin = [0, 1, 5]", "[camera]",
          "scene.toml:1:1: missing key `origin`"),
         ("fov = 40", "fov = ",
@@ -157,6 +157,12 @@ fn faults_of_the_camera() {
          "scene.toml:3:10: target and origin of the camera are the same point; move one"),
         ("target = [0, 1, 0]", "target = [0, 3, 5]",
          "scene.toml:3:10: the camera looks along its up vector; give another `up`, such as [0, 0, 1]"),
+        ("fov = 40", "fov = 40\naperture_radius = 0",
+         "scene.toml:5:19: the aperture_radius of the camera is 0; give a length above 0 and up to 1e8"),
+        ("fov = 40", "fov = 40\naperture_radius = 1\nfocus_distance = nan",
+         "scene.toml:6:18: the focus_distance of the camera is NaN; give a finite number"),
+        ("fov = 40", "fov = 40\nfocus_distance = 1",
+         "scene.toml:5:18: focus_distance needs an aperture_radius; without one everything is sharp"),
         ("fov = 40", "fov = 40\nup = [0, 0, 0]",
          "scene.toml:5:6: the up vector of the camera has no length; give a direction"),
         ("fov = 40", "fov = 40\nup = [0, 0, -1]",

@@ -225,6 +225,23 @@ fn fields_of_view_span_what_they_name() {
 }
 
 #[test]
+fn lenses_blur_unless_closed() {
+    let with = |radius: &str| {
+        let lens = format!(
+            "<sensor type=\"thinlens\"><float name=\"aperture_radius\" value=\"{radius}\"/><float name=\"focus_distance\" value=\"4\"/>"
+        );
+        load(&NEW.replace("<sensor type=\"perspective\">", &lens)).unwrap().scene.camera
+    };
+    assert!(with("0").is_pinhole());
+    let (size, at) = (ImageSize { width: 320, height: 240 }, Vec2::new(160.0, 120.0));
+    let ray = with("0.25").lens_ray(size, at, Vec2::new(0.999_999, 0.5));
+    let aside = (ray.origin() - Vec3A::new(0.0, 1.0, 5.0)).length();
+    assert!((aside - 0.25).abs() < 1e-4, "{aside}");
+    let sharp = ray.origin() + ray.dir() * (4.0 / -ray.dir().z);
+    assert!((sharp - Vec3A::new(0.0, 1.0, 1.0)).length() < 1e-4, "{sharp}");
+}
+
+#[test]
 fn textures_lie_as_in_mitsuba() {
     // The first texel of a file is the upper left; Mitsuba shows it where u and v are 0.
     let targa = b"\0\0\x02\0\0\0\0\0\0\0\0\0\x02\0\x02\0\x18\x20\xff\xff\xff\0\0\0\0\0\0\0\0\0";
@@ -298,7 +315,13 @@ fn faults_are_named_with_their_place() {
         ("<emitter type=\"constant\" id=\"sky\">",
          "<emitter type=\"envmap\"><string name=\"filename\" value=\"a.hdr\"/><float name=\"scale\" value=\"-1\"/>",
          "s.xml:39:3: `scale` of emitter \"envmap\" is -1; it lies between 0 and 1e15"),
-        ("type=\"perspective\"", "type=\"orthographic\"", "s.xml:7:3: sensor \"orthographic\" isn't supported; use perspective"),
+        ("type=\"perspective\"", "type=\"orthographic\"", "s.xml:7:3: sensor \"orthographic\" isn't supported; use perspective or thinlens"),
+        ("type=\"perspective\"", "type=\"thinlens\"", "s.xml:7:3: sensor \"thinlens\" needs an `aperture_radius`"),
+        ("<sensor type=\"perspective\">", "<sensor type=\"thinlens\"><float name=\"aperture_radius\" value=\"0.1\"/>",
+         "s.xml:7:3: sensor \"thinlens\" needs a `focus_distance`"),
+        ("<sensor type=\"perspective\">",
+         "<sensor type=\"thinlens\"><float name=\"aperture_radius\" value=\"-1\"/><float name=\"focus_distance\" value=\"4\"/>",
+         "s.xml:7:3: aperture_radius is -1 and focus_distance 4; give lengths, the second above 0 and both up to 1e8"),
         ("\"smaller\"", "\"z\"", "s.xml:7:3: fov_axis is \"z\"; it may be one of x, y, diagonal, smaller and larger"),
         ("value=\"240\"", "value=\"0\"", "s.xml:13:5: the film has 320x0 pixels; give at least one"),
         ("</scene>", "<medium type=\"homogeneous\"/></scene>", "s.xml:40:1: <medium> isn't supported; with --lenient it is left out"),

@@ -24,13 +24,13 @@ impl View {
     pub(crate) fn new(frame: &Frame<'_>) -> Self {
         let size = frame.size();
         let scene = frame.shader().scene;
-        let eye = scene.camera.origin();
         let (mut sites, mut albedo) = (Vec::new(), Vec::new());
         (frame.surfaces().values().par_iter())
             .with_min_len(4096)
-            .map(|surface| match surface {
+            .enumerate()
+            .map(|(i, surface)| match surface {
                 Some(surface) if scene.material(surface).is_diffuse() => {
-                    let facing = surface.facing(eye - surface.position);
+                    let facing = surface.facing(frame.eye(size.pixel(i)) - surface.position);
                     let site = SurfacePoint {
                         position: facing.position.into(),
                         normal: facing.shading_normal.into(),

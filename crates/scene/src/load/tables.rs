@@ -39,6 +39,8 @@ pub(super) struct CameraTable {
     pub(super) up: Option<Place>,
     pub(super) fov: Spanned<f64>,
     pub(super) fov_axis: Option<Spanned<String>>,
+    pub(super) aperture_radius: Option<Spanned<f64>>,
+    pub(super) focus_distance: Option<Spanned<f64>>,
 }
 
 /// All kinds of texture in one, as for [`MaterialTable`].

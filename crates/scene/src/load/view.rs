@@ -3,7 +3,7 @@
 use glam::Vec3;
 use toml::Spanned;
 
-use super::source::Source;
+use super::source::{MAX_LENGTH, Source};
 use super::tables::CameraTable;
 use crate::{Camera, Error, FovAxis};
 
@@ -45,5 +45,27 @@ pub(super) fn camera(source: &Source, table: &Spanned<CameraTable>) -> Result<Ca
             return Err(source.fault(span, fault));
         }
     };
-    Ok(Camera::look_at(origin, target, up, fov, fov_axis))
+    let camera = Camera::look_at(origin, target, up, fov, fov_axis);
+    let length = |written: &Spanned<f64>, name: &str| {
+        let value = source.number(written, &format!("the {name} of the camera"))?;
+        if value > 0.0 && value <= MAX_LENGTH {
+            return Ok(value);
+        }
+        let fault = format!(
+            "the {name} of the camera is {value}; give a length above 0 and up to {MAX_LENGTH:e}"
+        );
+        Err(source.fault(written.span(), fault))
+    };
+    match (&table.aperture_radius, &table.focus_distance) {
+        (None, None) => Ok(camera),
+        (None, Some(focus)) => {
+            let fault = "focus_distance needs an aperture_radius; without one everything is sharp";
+            Err(source.fault(focus.span(), fault))
+        }
+        (Some(radius), focus) => {
+            let to_target = (target - origin).length();
+            let focus = focus.as_ref().map_or(Ok(to_target), |f| length(f, "focus_distance"))?;
+            Ok(camera.with_lens(length(radius, "aperture_radius")?, focus))
+        }
+    }
 }

@@ -7,6 +7,7 @@ use super::Context;
 use super::plugin::{Plugin, numbers};
 use super::xml::Element;
 use crate::load::keys::list;
+use crate::load::source::MAX_LENGTH;
 use crate::{Camera, Error, FovAxis};
 
 /// The axes that a field of view may span.
@@ -26,17 +27,11 @@ pub(super) fn camera<'d>(context: &mut Context<'d>, element: &'d Element) -> Res
     let plugin = Plugin::new(context, element)?;
     let fault =
         |context: &Context<'_>, fault: String| Err(context.document.fault(element.place, fault));
-    match plugin.kind {
-        "perspective" => {}
-        "thinlens" => {
-            let what = format!("{} isn't supported", plugin.title());
-            context.refuse(element.place, &what, "everything is in focus")?;
-            plugin.get(&["aperture_radius"]);
-        }
-        _ => {
-            return fault(context, format!("{} isn't supported; use perspective", plugin.title()));
-        }
+    if !["perspective", "thinlens"].contains(&plugin.kind) {
+        let text = format!("{} isn't supported; use perspective or thinlens", plugin.title());
+        return fault(context, text);
     }
+    let lens = lens(context, &plugin)?;
     // They change nothing where all is in focus and nothing is cut away.
     for name in ["near_clip", "far_clip", "focus_distance", "shutter_open", "shutter_close"] {
         plugin.number(context, name)?;
@@ -61,7 +56,29 @@ pub(super) fn camera<'d>(context: &mut Context<'d>, element: &'d Element) -> Res
     let origin = map.translation.as_vec3();
     // A target as far away as the origin is, so that their difference has digits left.
     let target = (map.translation + forward * map.translation.length().max(1.0)).as_vec3();
-    Ok(Camera::look_at(origin, target, up.as_vec3(), fov, axis).with_film(film))
+    let camera = Camera::look_at(origin, target, up.as_vec3(), fov, axis).with_film(film);
+    Ok(lens.map_or(camera, |(radius, focus)| camera.with_lens(radius, focus)))
+}
+
+/// Radius and focus of the lens, if there is one that blurs anything.
+fn lens(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<Option<(f32, f32)>, Error> {
+    if plugin.kind != "thinlens" {
+        return Ok(None);
+    }
+    let fault = |fault: String| Err(context.document.fault(plugin.element.place, fault));
+    let Some(radius) = plugin.number(context, "aperture_radius")? else {
+        return fault(format!("{} needs an `aperture_radius`", plugin.title()));
+    };
+    let Some(focus) = plugin.number(context, "focus_distance")? else {
+        return fault(format!("{} needs a `focus_distance`", plugin.title()));
+    };
+    let most = f64::from(MAX_LENGTH);
+    if !((0.0..=most).contains(&radius) && focus > 0.0 && focus <= most) {
+        return fault(format!(
+            "aperture_radius is {radius} and focus_distance {focus}; give lengths, the second above 0 and both up to {most:e}"
+        ));
+    }
+    Ok((radius > 0.0).then_some((radius as f32, focus as f32)))
 }
 
 fn field_of_view(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<(f32, FovAxis), Error> {
