@@ -139,7 +139,7 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     if !scene.camera.is_pinhole() && args.supersample < 4 {
         console.warn(
             "with so few rays through the lens what is out of focus is noisy; give --supersample 4 or more",
-        );
+        )?;
     }
     let usual = ImageSize { width: 512, height: 512 };
     let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
