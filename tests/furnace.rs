@@ -133,8 +133,13 @@ fn smooth_balls_under_the_sky() {
     let rms: f32 = (squares / n).sqrt();
     assert!(n > 500.0 && rms < 0.01, "rms error {rms} at {n} pixels");
 
-    let config =
-        Config { budget: Budget::Total(N_PHOTONS), seed: 0, max_bounces: 100, store_direct: true };
+    let config = Config {
+        budget: Budget::Total(N_PHOTONS),
+        seed: 0,
+        max_bounces: 100,
+        store_direct: true,
+        aim: 0.0,
+    };
     let traced = photon_trace::trace(&scene, &config, &|_| true).expect("nobody interrupts");
     let landed: f64 = traced.direct.iter().map(|photon| f64::from(photon.flux.g)).sum();
     let mut expected = 0.0;

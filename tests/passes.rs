@@ -15,7 +15,7 @@ const SIZE: ImageSize = ImageSize { width: 40, height: 30 };
 /// What `photon-build --photons 20K --seed 3` keeps.
 fn photons(scene: &Scene) -> PhotonMaps {
     let budget = Budget::Total(20_000);
-    let config = Config { budget, seed: 3, max_bounces: 1024, store_direct: false };
+    let config = Config { budget, seed: 3, max_bounces: 1024, store_direct: false, aim: 0.0 };
     let traced = photon_trace::trace(scene, &config, &|_| true).expect("nobody interrupts");
     let inventory = scene.inventory().clone();
     PhotonMaps {

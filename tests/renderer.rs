@@ -29,7 +29,7 @@ impl Rendering {
 /// Pass 1.
 pub(crate) fn photons(scene: &Scene, n_photons: u64, seed: u64) -> PhotonMaps {
     let budget = Budget::Total(n_photons);
-    let config = Config { budget, seed, max_bounces: 1000, store_direct: false };
+    let config = Config { budget, seed, max_bounces: 1000, store_direct: false, aim: 0.0 };
     let traced = photon_trace::trace(scene, &config, &|_| true).expect("nobody interrupts");
     assert_eq!(traced.account.cut, 0, "photons were cut");
     PhotonMaps {

@@ -162,6 +162,7 @@ impl Field {
             seed: 0,
             max_bounces: 1024,
             store_direct: false,
+            aim: 0.0,
         };
         let traced = on_all_threads(|| trace(scene, &config, &|_| true));
         let traced = traced.expect("nobody asks for a stop");

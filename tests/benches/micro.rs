@@ -94,6 +94,7 @@ fn photon_tracing(criterion: &mut Criterion) {
                 seed: 0,
                 max_bounces: 1024,
                 store_direct: false,
+                aim: 0.0,
             };
             b.iter(|| trace(scene, &config, &|_| true));
         });

@@ -36,6 +36,8 @@ pub enum Stream {
     Lobe = 11,
     /// Where eye rays come through a lens.
     Lens = 12,
+    /// Rays that look for what photons are aimed at, and the starts of aimed photons.
+    Aim = 13,
 }
 
 /// Mixes two 64-bit values into one, by two rounds of the finalizer of `SplitMix64` (Steele et al. 2014).

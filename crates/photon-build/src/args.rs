@@ -40,6 +40,10 @@ pub struct Args {
     /// Surfaces that a photon may meet; what is cut off there is reported
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..))]
     pub max_bounces: u32,
+    /// Share of the photons that is aimed at mirrors, metals and glass, and tells of caustics only: for scenes in which
+    /// those are small
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_aim)]
+    pub aim: f32,
     /// Trace share I of N only, and save it for `photon-build merge`, which makes of all N what one run makes
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Share>,
@@ -49,6 +53,13 @@ pub struct Args {
     /// Options that all programs have.
     #[command(flatten)]
     pub common: Common,
+}
+
+fn parse_aim(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(share @ 0.0..=0.95) => Ok(share),
+        _ => Err("expected a share from 0 to 0.95; the other photons carry all other light".into()),
+    }
 }
 
 /// Classes of photons that aren't always stored.

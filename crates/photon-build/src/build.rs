@@ -54,6 +54,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
         seed: args.seed,
         max_bounces: args.max_bounces,
         store_direct: args.store.contains(&Store::Direct),
+        aim: args.aim,
     };
     let traced = trace(&scene, &config, args.shard, &pool, &console, interrupt)?;
     audit(&traced, args, &console)?;
@@ -69,6 +70,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
                 metadata,
                 emitted_by_light,
                 stores_direct: config.store_direct,
+                aim: config.aim,
                 made_by: MADE_BY.into(),
                 command_of_all,
             };
@@ -234,6 +236,9 @@ fn remedy(args: &Args, scene: &Path, shard: Option<Share>) -> String {
     }
     option("--seed", args.seed.to_string());
     option("--max-bounces", args.max_bounces.to_string());
+    if args.aim > 0.0 {
+        option("--aim", args.aim.to_string());
+    }
     if args.store.contains(&Store::Direct) {
         option("--store", "direct".into());
     }

@@ -114,6 +114,7 @@ fn check_kin(first: &Opened<'_>, this: &Opened<'_>) -> anyhow::Result<()> {
         (a.metadata.seed != b.metadata.seed, "--seed".into()),
         (a.metadata.max_bounces != b.metadata.max_bounces, "--max-bounces".into()),
         (a.stores_direct != b.stores_direct, "--store".into()),
+        (a.aim.to_bits() != b.aim.to_bits(), "--aim".into()),
         (a.emitted_by_light != b.emitted_by_light, "the number of photons".into()),
         (a.metadata.flux != b.metadata.flux, "the flux of the lights".into()),
         (a.share.of() != b.share.of(), "the number of shards".into()),

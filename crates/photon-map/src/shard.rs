@@ -16,7 +16,7 @@ use crate::build::largest_flux;
 /// The kind of map.
 pub const SHARD_KIND: &str = "photon shard";
 /// The version of its layout.
-pub const SHARD_VERSION: u32 = 1;
+pub const SHARD_VERSION: u32 = 2;
 
 /// What made a shard, and what it is a share of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +29,8 @@ pub struct ShardMetadata {
     pub emitted_by_light: Vec<u64>,
     /// Whether photons of class *direct* are stored.
     pub stores_direct: bool,
+    /// Share of the photons that is aimed.
+    pub aim: f32,
     /// The program that made it, with its version.
     pub made_by: String,
     /// The command that makes the whole map, with `{file}` for its name.

@@ -6,7 +6,11 @@
 //!
 //! Russian roulette decides at every surface, with the flux rescaled, so no length of path is favored. Photon `i` of a
 //! light owns its random streams: neither threads nor the order of work can change the result.
+//!
+//! Some photons may be aimed at specular surfaces (`aim.rs`): where these are a small part of the scene, few photons would
+//! find them by chance.
 
+mod aim;
 mod budget;
 mod trace;
 

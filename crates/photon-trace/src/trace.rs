@@ -10,6 +10,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 use scene::{Light, Material, Scene, SpecularBounce, Transport};
 
+use crate::aim::Aim;
 use crate::{Budget, photons_of_lights};
 
 /// Photons that one task traces. Fixed, since it decides what a share is.
@@ -26,6 +27,9 @@ pub struct Config {
     pub max_bounces: u32,
     /// Whether photons of class *direct* are stored.
     pub store_direct: bool,
+    /// Share of each light's photons, in [0, 1), that is aimed at specular surfaces, if there are any, and tells of caustics
+    /// only. The mean of what is stored doesn't depend on it.
+    pub aim: f32,
 }
 
 /// What became of the emitted photons.
@@ -33,7 +37,7 @@ pub struct Config {
 pub struct Account {
     /// Photons emitted.
     pub emitted: u64,
-    /// Of these, absorbed by a surface or inside glass.
+    /// Of these, absorbed by a surface or inside glass; or aimed, and scattered diffusely.
     pub absorbed: u64,
     /// Of these, gone out of the scene.
     pub escaped: u64,
@@ -131,13 +135,7 @@ pub fn trace_share(
     batches.truncate(of_share.end as usize);
     batches.drain(..of_share.start as usize);
     let tracers: Vec<Emitter<'_>> = (scene.lights.iter().enumerate())
-        .map(|(i, light)| Emitter {
-            scene,
-            config,
-            light,
-            seed: hash_u64(config.seed, i as u64),
-            n_photons: counts[i].max(1) as f32,
-        })
+        .map(|(i, light)| Emitter::new(scene, config, light, i, counts[i]))
         .collect();
     let done: Option<Vec<Traced>> = batches
         .into_par_iter()
@@ -182,21 +180,63 @@ struct Emitter<'a> {
     config: &'a Config,
     light: &'a Light,
     seed: u64,
-    /// How many photons share its flux.
-    n_photons: f32,
+    /// How many photons share its flux. Those beyond are aimed.
+    n_photons: u64,
+    /// Where aimed photons start.
+    aim: Option<Aim>,
+    /// What caustic photons that start there carry, as a share of what others do.
+    share_of_aimed: f32,
 }
 
-impl Emitter<'_> {
+/// Of the aimed photons one in so many is a ray that looks for what to aim at; it isn't counted.
+const RAYS_OF_AIM: u64 = 4;
+
+impl<'a> Emitter<'a> {
+    /// The light with a number and so many photons.
+    fn new(
+        scene: &'a Scene,
+        config: &'a Config,
+        light: &'a Light,
+        number: usize,
+        n_photons: u64,
+    ) -> Self {
+        let seed = hash_u64(config.seed, number as u64);
+        let n_aimed = (n_photons as f64 * f64::from(config.aim)) as u64;
+        let aim = match n_aimed {
+            0 => None,
+            n => Aim::find(scene, light, seed, n / RAYS_OF_AIM),
+        };
+        let n_aimed = if aim.is_some() { n_aimed } else { 0 };
+        let n_others = (n_photons - n_aimed).max(1);
+        let share_of_aimed = aim.as_ref().map_or(1.0, |aim| {
+            let others = n_others as f32;
+            others / (others + n_aimed as f32 / aim.share())
+        });
+        Self { scene, config, light, seed, n_photons: n_others, aim, share_of_aimed }
+    }
+
     /// Emits photon `index` of the light and follows it to its end.
     fn photon(&self, index: u64, out: &mut Traced) {
-        let start = self.light.emit(&self.scene.bounds(), OwenSobol::new(self.seed).point(index));
+        let (u, is_aimed) = match &self.aim {
+            Some(aim) if index >= self.n_photons => {
+                let points = OwenSobol::new(hash_u64(self.seed, Stream::Aim as u64));
+                (aim.start(points.point(index - self.n_photons)), true)
+            }
+            _ => (OwenSobol::new(self.seed).point(index), false),
+        };
+        let caustic_share = match &self.aim {
+            Some(aim) if is_aimed || aim.holds(u) => self.share_of_aimed,
+            _ => 1.0,
+        };
+        let start = self.light.emit(&self.scene.bounds(), u);
         let mut scatter = Rng::new(self.seed, Stream::Scatter, index);
         let mut roulette = Rng::new(self.seed, Stream::Roulette, index);
         let mut ray = Ray::unbounded(start.origin, start.dir);
-        let mut flux = start.flux / self.n_photons;
+        let mut flux = start.flux / self.n_photons as f32;
         let mut class = PhotonClass::Direct;
         let mut medium: Option<&Material> = None;
-        let watts = |flux: Rgb| f64::from(flux.mean());
+        // What aimed photons carry is carried by others, too.
+        let watts = |flux: Rgb| if is_aimed { 0.0 } else { f64::from(flux.mean()) };
         out.account.emitted += 1;
         out.account.energy.emitted += watts(flux);
         if flux.is_black() {
@@ -238,9 +278,12 @@ impl Emitter<'_> {
                 };
                 match class {
                     _ if gain == 0.0 => {}
-                    PhotonClass::Direct if !self.config.store_direct => {}
+                    PhotonClass::Direct if is_aimed || !self.config.store_direct => {}
                     PhotonClass::Direct => out.direct.push(photon),
-                    PhotonClass::Caustic => out.caustic.push(photon),
+                    PhotonClass::Caustic => {
+                        let flux = photon.flux * caustic_share;
+                        out.caustic.push(Photon { flux, ..photon });
+                    }
                     PhotonClass::Indirect => out.indirect.push(photon),
                 }
             }
@@ -266,6 +309,10 @@ impl Emitter<'_> {
                 chosen.then(|| flux * weight / p)
             };
             if let Some(rest) = choose(diffuse) {
+                if is_aimed {
+                    out.account.absorbed += 1;
+                    return;
+                }
                 // Around the true normal: it tells how much of the surface is seen from a direction.
                 let local =
                     warp::cosine_hemisphere(Vec2::new(scatter.next_f32(), scatter.next_f32()));

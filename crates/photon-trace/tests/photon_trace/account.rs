@@ -37,7 +37,7 @@ fn still_life() -> Scene {
 }
 
 fn config(budget: Budget) -> Config {
-    Config { budget, seed: 3, max_bounces: 100, store_direct: true }
+    Config { budget, seed: 3, max_bounces: 100, store_direct: true, aim: 0.0 }
 }
 
 fn photons(traced: &Traced) -> usize {

@@ -1,6 +1,7 @@
 //! Photons against closed forms: what becomes of them, where they land, and how much flux they carry.
 
 mod account;
+mod aim;
 mod caustics;
 mod classes;
 mod glass;

@@ -131,7 +131,7 @@ const OUTWARD: [[u32; 4]; 6] =
 /// All photons of a scene, *direct* ones included; almost no path is cut.
 pub(crate) fn trace(scene: &Scene, n: u64, seed: u64) -> Traced {
     let budget = Budget::Total(n);
-    let config = Config { budget, seed, max_bounces: 10_000, store_direct: true };
+    let config = Config { budget, seed, max_bounces: 10_000, store_direct: true, aim: 0.0 };
     photon_trace::trace(scene, &config, &|_| true).expect("nobody stops it")
 }
 
