@@ -9,9 +9,9 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
-use obvhs::ray::RayHit;
 
 use crate::primitive::{Primitive, Shape, ShearedRay};
+use crate::traverse::Query;
 use crate::{Bounds, MaterialId, Mesh, Sphere, Surface};
 
 /// As many as a leaf of the compressed BVH can hold.
@@ -151,29 +151,27 @@ impl Accel {
     /// The nearest surface that the ray meets.
     #[inline]
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
-        let skipped = self.skipped(ray);
-        let sheared = self.sheared(ray);
-        let mut nearest = RayHit::none();
-        let found =
-            self.bvh.ray_traverse(self.slab_ray(ray, skipped), &mut nearest, |ray, slot| {
-                let t_max = ray.tmax + skipped as f32;
-                (self.primitives[slot].intersect(&sheared, t_max) - skipped) as f32
-            });
-        found.then(|| Hit {
-            t: ((f64::from(nearest.t) + skipped) as f32) / self.scale,
-            slot: nearest.primitive_id,
-        })
+        let query = self.query(ray);
+        let (t, slot) = query.nearest()?;
+        Some(Hit { t: ((f64::from(t) + query.skipped) as f32) / self.scale, slot })
     }
 
     /// Whether anything lies on the ray before its end.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
+        self.query(ray).any()
+    }
+
+    #[inline]
+    fn query(&self, ray: &Ray) -> Query<'_> {
         let skipped = self.skipped(ray);
-        let sheared = self.sheared(ray);
-        let t_max = ray.t_max() * self.scale;
-        !self.bvh.ray_traverse_miss(self.slab_ray(ray, skipped), |_, slot| {
-            (self.primitives[slot].intersect(&sheared, t_max) - skipped) as f32
-        })
+        Query {
+            bvh: &self.bvh,
+            primitives: &self.primitives,
+            slab: self.slab_ray(ray, skipped),
+            sheared: self.sheared(ray),
+            skipped,
+        }
     }
 
     /// The ray that primitives are tested against, in scaled units.

@@ -12,6 +12,7 @@ mod crease;
 mod mesh;
 mod primitive;
 mod surface;
+mod traverse;
 
 pub use accel::{Accel, Hit};
 pub use bounds::Bounds;
