@@ -5,7 +5,7 @@
 //! diagonals (a *center*), otherwise they are the row and the column (a *midpoint*). This is the quincunx order: for each
 //! step from large to small, first all centers, then all midpoints, and a pixel needs nothing of its own rank.
 
-use base::{Grid, ImageSize};
+use base::{Grid, ImageSize, Pixel};
 use glam::Vec3A;
 use rayon::prelude::*;
 
@@ -54,36 +54,27 @@ impl Lattice {
     /// Compares all pixels with their neighbours. Pixels without a site take no part.
     pub fn new(sites: &Grid<Option<SurfacePoint>>, coarsest: u32) -> Self {
         let size = sites.size();
-        let (width, height) = (i64::from(size.width), i64::from(size.height));
-        // What the comparisons read, ready for them.
-        let points: Vec<Point> = (sites.values().par_iter())
-            .with_min_len(4096)
-            .map(|site| site.as_ref().map_or(Point::NONE, Point::new))
-            .collect();
-        let mut masks = vec![0; points.len()];
-        masks.par_chunks_mut(size.width as usize).enumerate().for_each(|(y, masks)| {
-            for (x, mask) in masks.iter_mut().enumerate() {
-                let i = y as i64 * width + x as i64;
-                let point = &points[i as usize];
-                let (h, rank) = rank(x as u32, y as u32);
-                if h >= coarsest || point.is_none() {
-                    continue;
-                }
-                let (x, y, h) = (x as i64, y as i64, i64::from(h));
-                for (line, (dx, dy)) in lines(rank).into_iter().enumerate() {
-                    for (bit, steps) in [-h, h, -3 * h, 3 * h].into_iter().enumerate() {
-                        let (nx, ny) = (x + dx * steps, y + dy * steps);
-                        if (0..width).contains(&nx)
-                            && (0..height).contains(&ny)
-                            && point.shares_surface(&points[(ny * width + nx) as usize])
-                        {
-                            *mask |= 1 << (4 * line + bit);
+        let planes = Planes::new(sites);
+        let mut masks = vec![0; size.n_pixels()];
+        let width = size.width as usize;
+        masks.par_chunks_mut(width * BLOCK as usize).enumerate().for_each(|(by, masks)| {
+            for bx in 0..size.width.div_ceil(BLOCK) {
+                // Pixels up to this step have all their neighbours in the plane of the block.
+                let in_plane = planes.reach(bx, by as u32) * BLOCK / 3;
+                for (dy, masks) in masks.chunks_mut(width).enumerate() {
+                    let y = by as u32 * BLOCK + dy as u32;
+                    let row = (bx * BLOCK..).zip(masks[(bx * BLOCK) as usize..].iter_mut());
+                    for (x, mask) in row.take(BLOCK as usize) {
+                        let (h, rank) = rank(x, y);
+                        if h < coarsest {
+                            *mask =
+                                if h <= in_plane { u8::MAX } else { mask_of(sites, x, y, h, rank) };
                         }
                     }
                 }
             }
         });
-        Self { size, has_site: points.iter().map(|p| !p.is_none()).collect(), masks }
+        Self { size, has_site: sites.values().iter().map(Option::is_some).collect(), masks }
     }
 
     /// Width and height.
@@ -106,31 +97,116 @@ impl Lattice {
     }
 }
 
+/// Which neighbours of a pixel lie on its surface.
+fn mask_of(sites: &Grid<Option<SurfacePoint>>, x: u32, y: u32, h: u32, rank: Rank) -> u8 {
+    let ImageSize { width, height } = sites.size();
+    let Some(point) = sites[Pixel { x, y }].as_ref().map(Point::new) else { return 0 };
+    let (x, y, h) = (i64::from(x), i64::from(y), i64::from(h));
+    let mut mask = 0;
+    for (line, (dx, dy)) in lines(rank).into_iter().enumerate() {
+        for (bit, steps) in [-h, h, -3 * h, 3 * h].into_iter().enumerate() {
+            let (nx, ny) = (x + dx * steps, y + dy * steps);
+            if (0..i64::from(width)).contains(&nx)
+                && (0..i64::from(height)).contains(&ny)
+                && sites.values()[(ny * i64::from(width) + nx) as usize]
+                    .as_ref()
+                    .is_some_and(|other| point.shares_surface(&Point::new(other)))
+            {
+                mask |= 1 << (4 * line + bit);
+            }
+        }
+    }
+    mask
+}
+
+/// The side of the blocks that are asked whether they show one plane.
+const BLOCK: u32 = 16;
+
+/// Points may lie out of a plane by this part of a block's extent: pixels, which lie farther apart than a hundredth of that,
+/// see each other in the plane all the same.
+const THICKNESS: f32 = 1e-4;
+
+/// Walls, floors and table tops fill most pictures of rooms. What shows one plane needs no comparison pixel by pixel.
+struct Planes {
+    columns: u32,
+    /// The plane that fills a block, row-major.
+    blocks: Vec<Option<Plane>>,
+}
+
+#[derive(Clone, Copy)]
+struct Plane {
+    normal: Vec3A,
+    /// From the origin, along the normal.
+    distance: f32,
+    thickness: f32,
+}
+
+impl Planes {
+    fn new(sites: &Grid<Option<SurfacePoint>>) -> Self {
+        // Those at the right and the bottom may be cut.
+        let ImageSize { width, height } = sites.size();
+        let (columns, rows) = (width / BLOCK, height / BLOCK);
+        let block = |i: u32| plane_of(sites, i % columns * BLOCK, i / columns * BLOCK);
+        let blocks = (0..columns * rows).into_par_iter().with_min_len(64).map(block).collect();
+        Self { columns, blocks }
+    }
+
+    /// How many blocks around a block lie in its plane, each way; at most 2, which is as far as pixels look.
+    fn reach(&self, x: u32, y: u32) -> u32 {
+        let at = |x: i64, y: i64| -> Option<Plane> {
+            let is_inside = (0..i64::from(self.columns)).contains(&x) && y >= 0;
+            let i = is_inside.then_some(y * i64::from(self.columns) + x)?;
+            *self.blocks.get(i as usize)?
+        };
+        let (x, y) = (i64::from(x), i64::from(y));
+        let Some(plane) = at(x, y) else { return 0 };
+        let is_same = |other: Plane| {
+            other.normal == plane.normal
+                && (other.distance - plane.distance).abs() <= plane.thickness
+        };
+        let is_filled = |reach: i64| {
+            (-reach..=reach)
+                .all(|dy| (-reach..=reach).all(|dx| at(x + dx, y + dy).is_some_and(is_same)))
+        };
+        (1..=2).take_while(|&reach| is_filled(reach)).last().unwrap_or(0) as u32
+    }
+}
+
+/// The plane in which all points of a block lie.
+fn plane_of(sites: &Grid<Option<SurfacePoint>>, left: u32, top: u32) -> Option<Plane> {
+    let at = |x, y| sites[Pixel { x: left + x, y: top + y }].as_ref().map(Point::new);
+    let (first, last) = (at(0, 0)?, at(BLOCK - 1, BLOCK - 1)?);
+    let normal = first.normal;
+    let distance = normal.dot(first.position);
+    let thickness = THICKNESS * first.position.distance(last.position);
+    for y in 0..BLOCK {
+        for x in 0..BLOCK {
+            let point = at(x, y)?;
+            if point.normal != normal || (normal.dot(point.position) - distance).abs() > thickness {
+                return None;
+            }
+        }
+    }
+    Some(Plane { normal, distance, thickness })
+}
+
 /// Whether two points lie on the same smooth surface, so that irradiance varies smoothly between them.
 #[inline]
 pub fn same_surface(a: &SurfacePoint, b: &SurfacePoint) -> bool {
     Point::new(a).shares_surface(&Point::new(b))
 }
 
-/// A site, or nothing.
+/// A site, ready for comparisons.
 #[derive(Clone, Copy)]
 struct Point {
     position: Vec3A,
-    /// Zero for nothing, which shares no surface.
     normal: Vec3A,
 }
 
 impl Point {
-    const NONE: Self = Self { position: Vec3A::ZERO, normal: Vec3A::ZERO };
-
     #[inline]
     fn new(site: &SurfacePoint) -> Self {
         Self { position: site.position.into(), normal: site.normal.into() }
-    }
-
-    #[inline]
-    fn is_none(&self) -> bool {
-        self.normal == Vec3A::ZERO
     }
 
     #[inline]
@@ -142,5 +218,44 @@ impl Point {
         (self.normal.dot(other.normal) > MIN_COS_NORMALS)
             & (from_self * from_self <= limit2)
             & (from_other * from_other <= limit2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// A floor to the horizon, a slanted box on it, a step parallel to it, and a curved surface.
+    fn sites(size: ImageSize) -> Grid<Option<SurfacePoint>> {
+        let site = |z: f32, normal: Vec3, p: Pixel| {
+            let position = Vec3::new(p.x as f32, p.y as f32, 0.0) * 0.01 + Vec3::Z * z;
+            Some(SurfacePoint { position, normal })
+        };
+        Grid::from_fn(size, |p| match (p.x, p.y) {
+            (_, 0..8) => None,
+            (60..90, 70..120) => site(0.5, Vec3::Z, p),
+            (100..170, 20..60) => site(0.006 * p.x as f32, Vec3::new(-0.6, 0.0, 0.8), p),
+            (_, 150..) => site(0.0, Vec3::new(0.002 * p.x as f32, 0.0, 1.0).normalize(), p),
+            _ => site(0.0, Vec3::Z, p),
+        })
+    }
+
+    #[test]
+    fn planes_change_nothing() {
+        for (width, height) in [(203, 181), (256, 192), (40, 300), (15, 15)] {
+            let sites = sites(ImageSize { width, height });
+            for coarsest in [8, 16] {
+                let lattice = Lattice::new(&sites, coarsest);
+                for (i, &mask) in lattice.masks.iter().enumerate() {
+                    let Pixel { x, y } = lattice.size.pixel(i);
+                    let (h, rank) = rank(x, y);
+                    let expected = if h < coarsest { mask_of(&sites, x, y, h, rank) } else { 0 };
+                    assert_eq!(mask, expected, "{x}, {y} of {width}x{height}");
+                }
+            }
+        }
+        let planes = Planes::new(&sites(ImageSize { width: 256, height: 192 }));
+        assert_eq!([11, 12, 13].map(|x| planes.reach(x, 3)), [0, 1, 2]);
     }
 }
