@@ -99,9 +99,16 @@ impl<'a> Frame<'a> {
 
     /// All pixels that show a surface, in an order in which neighbours are close.
     pub(crate) fn surface_pixels(&self) -> Vec<Pixel> {
-        let mut pixels = pixels_by_tiles(self.size());
-        pixels.retain(|&p| self.surfaces[p].is_some());
-        pixels
+        self.pixels_that_show(|_| true).collect()
+    }
+
+    /// The pixels that show some surfaces, in the same order.
+    pub(crate) fn pixels_that_show(
+        &self,
+        is_wanted: impl Fn(&Surface) -> bool,
+    ) -> impl Iterator<Item = Pixel> {
+        pixels_by_tiles(self.size())
+            .filter(move |&p| self.surfaces[p].as_ref().is_some_and(&is_wanted))
     }
 
     /// `f` of the surface points of some pixels, in parallel; the default where there is none.
@@ -173,16 +180,15 @@ fn morton(pixel: Pixel) -> u64 {
     spread(pixel.x) | spread(pixel.y) << 1
 }
 
-fn pixels_by_tiles(size: ImageSize) -> Vec<Pixel> {
-    let mut pixels = Vec::with_capacity(size.n_pixels());
-    for top in (0..size.height).step_by(TILE as usize) {
-        for left in (0..size.width).step_by(TILE as usize) {
-            for y in top..(top + TILE).min(size.height) {
-                pixels.extend((left..(left + TILE).min(size.width)).map(|x| Pixel { x, y }));
-            }
-        }
-    }
-    pixels
+fn pixels_by_tiles(size: ImageSize) -> impl Iterator<Item = Pixel> {
+    let ImageSize { width, height } = size;
+    let corners = (0..height)
+        .step_by(TILE as usize)
+        .flat_map(move |top| (0..width).step_by(TILE as usize).map(move |left| (top, left)));
+    corners.flat_map(move |(top, left)| {
+        (top..(top + TILE).min(height))
+            .flat_map(move |y| (left..(left + TILE).min(width)).map(move |x| Pixel { x, y }))
+    })
 }
 
 /// `f` of each item, in parallel, and the work that was done.

@@ -9,7 +9,7 @@ use crate::{PixelStream, Shader, ShadingPoint, Work};
 
 /// Branches that carry less than this are followed by chance, with their weight raised in return. A ray costs little, and
 /// one that finds a lamp by chance is a bright dot: so this is small.
-const FOLLOW_ALWAYS: f32 = 0.001;
+const FOLLOW_ALWAYS: f32 = 0.002;
 
 /// Diffuse surfaces of which less than this is seen are shaded by chance, likewise. Shading costs as much as a hundred
 /// rays, and diffuse surfaces are never as bright as lamps.

@@ -31,11 +31,11 @@ pub(crate) struct Direct {
 
 /// A light with its visibility at every pixel.
 #[derive(Debug)]
-pub(crate) struct CachedLight {
-    pub(crate) light: usize,
+struct CachedLight {
+    light: usize,
     /// Unshadowed irradiance.
     unshadowed: Vec<Rgb>,
-    pub(crate) visibility: Layer<f32>,
+    visibility: Layer<f32>,
     source: Source<f32>,
 }
 
@@ -95,7 +95,7 @@ impl Direct {
     }
 
     /// Irradiance from the lights that share a visibility.
-    pub(crate) fn rest_irradiance(&self, index: usize) -> Rgb {
+    fn rest_irradiance(&self, index: usize) -> Rgb {
         let of_rest = |rest: &Rest| rest.unshadowed[index] * rest.visibility.values[index];
         self.rest.as_ref().map_or(Rgb::BLACK, of_rest)
     }
@@ -104,10 +104,6 @@ impl Direct {
     #[inline]
     pub(crate) fn luminance(&self, index: usize) -> f32 {
         self.luminance[index]
-    }
-
-    pub(crate) fn lights(&self) -> &[CachedLight] {
-        &self.lights
     }
 
     /// All that is known of direct light, for good.

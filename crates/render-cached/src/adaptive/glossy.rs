@@ -7,6 +7,7 @@
 
 use base::{Component, Grid, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{Lattice, Layer, Reason, Rule, Tolerance, refine};
+use geometry::Surface;
 use scene::{Material, Specular, fresnel_conductor};
 use shade::ChainLeaf;
 
@@ -46,12 +47,12 @@ impl Glossy {
     /// Prepares for the pixels that show rough surfaces, given those that do so along a chain.
     pub(crate) fn start(frame: &Frame<'_>, along_chains: &[Pixel]) -> Self {
         let materials = &frame.shader().scene.materials;
-        let mut pixels = frame.surface_pixels();
-        pixels.retain(|&p| {
-            let surface = frame.surfaces()[p].as_ref();
-            surface.is_some_and(|s| materials[s.material.0 as usize].is_rough())
-        });
-        pixels.extend(along_chains);
+        let mut pixels = Vec::new();
+        if materials.iter().any(Material::is_rough) {
+            let is_rough = |s: &Surface| materials[s.material.0 as usize].is_rough();
+            pixels.extend(frame.pixels_that_show(is_rough));
+            pixels.extend(along_chains);
+        }
         if pixels.is_empty() {
             return Self { pixels, layers: None };
         }
@@ -104,7 +105,7 @@ impl Glossy {
     pub(crate) fn look_up(
         &mut self,
         view: &View,
-        finished: &Finished<'_>,
+        finished: &Finished,
         account: &mut Account<'_, '_>,
     ) -> Result<(), Interrupted> {
         let Some(layers) = &mut self.layers else { return Ok(()) };
@@ -122,7 +123,7 @@ impl Glossy {
     pub(crate) fn resolve(
         &mut self,
         view: &View,
-        finished: &Finished<'_>,
+        finished: &Finished,
         sharp: impl Fn(usize) -> Rgb,
         tolerance: Tolerance,
         account: &mut Account<'_, '_>,
@@ -135,14 +136,14 @@ impl Glossy {
         let Layers { lattice, tint, emitted, found, has_rest, rest, .. } = layers;
         let known = |i: usize| (sharp(i) + emitted[i] + found[i]).luminance();
         let known: Vec<f32> = (0..size.n_pixels()).map(known).collect();
-        let rule = GlossyRule { tint, has_rest, known: &known, floor: finished.indirect.floor() };
+        let rule = GlossyRule { tint, has_rest, known: &known, floor: finished.floor };
         let shader = account.frame.shader();
         refine(lattice, rest, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
             account.pixels(Component::Specular, pixels, |point, stream, work| {
                 let mut sum = Rgb::BLACK;
                 shader.chain_ends(point, stream, work, |leaf, work| {
                     let surface = &leaf.point.facing;
-                    if leaf.is_glossy && look_up(shader, surface, view, finished).is_none() {
+                    if leaf.is_glossy && look_up(&site_of(surface), view, finished).is_none() {
                         let irradiance = shader.irradiance(surface, leaf.stream, true, work);
                         sum += weight_of(&leaf) * irradiance;
                     }
@@ -159,7 +160,7 @@ fn follow(
     pixels: &[Pixel],
     emitted_is_known: bool,
     view: &View,
-    finished: &Finished<'_>,
+    finished: &Finished,
     account: &mut Account<'_, '_>,
 ) -> Result<Vec<(Rgb, Rgb, bool)>, Interrupted> {
     let shader = account.frame.shader();
@@ -167,7 +168,7 @@ fn follow(
         let (mut found, mut has_rest) = (Rgb::BLACK, false);
         let mut arrive = |leaf: ChainLeaf<'_>| {
             if leaf.is_glossy {
-                match look_up(shader, &leaf.point.facing, view, finished) {
+                match look_up(&site_of(&leaf.point.facing), view, finished) {
                     Some(irradiance) => found += weight_of(&leaf) * irradiance,
                     None => has_rest = true,
                 }

@@ -4,7 +4,6 @@ use base::{Component, Components, ImageSize, Interrupted, Pixel, Rgb, Rng, Strea
 
 use super::{Account, ErrorReport};
 use crate::Args;
-use crate::frame::Frame;
 
 /// Share of the pixels held out, and the fewest.
 const SHARE: f64 = 0.002;
@@ -23,34 +22,48 @@ pub(crate) struct Report {
     pub(crate) glossy_is_worst: bool,
 }
 
-/// Computes random pixels as `--mode original` does and compares.
+/// Random pixels as `--mode original` computes them.
+#[derive(Debug)]
+pub(crate) struct HeldOut {
+    pixels: Vec<Pixel>,
+    /// Components and emission; nothing where there is no surface.
+    truth: Vec<Option<(Components<Rgb>, Rgb)>>,
+}
+
+impl HeldOut {
+    /// Chooses and computes them.
+    pub(crate) fn compute(args: &Args, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
+        let frame = account.frame;
+        let shader = frame.shader();
+        let pixels = choose(frame.size(), args.supersample, args.seed);
+        let truth = account.overhead(&pixels, |&pixel, work| {
+            frame.at(pixel, work, |point, stream, work| {
+                let values = Components {
+                    direct: shader.direct(point, stream, work),
+                    indirect: shader.indirect(point, work),
+                    specular: shader.specular(point, stream, work),
+                    caustic: shader.caustic(point, work),
+                };
+                Some((values, point.emitted()))
+            })
+        })?;
+        Ok(Self { pixels, truth })
+    }
+}
+
+/// Compares what the cache has made of them.
 pub(crate) fn measure(
     args: &Args,
-    frame: &Frame<'_>,
+    size: ImageSize,
+    HeldOut { pixels, truth }: &HeldOut,
     composed: &dyn Fn(usize) -> Components<Rgb>,
     is_glossy: &dyn Fn(usize) -> bool,
-    round: usize,
-    account: &mut Account<'_, '_>,
-) -> Result<Report, Interrupted> {
-    let size = frame.size();
-    let pixels = choose(size, args.supersample, args.seed, round);
-    let shader = frame.shader();
-    let truth = account.overhead(&pixels, |&pixel, work| {
-        frame.at(pixel, work, |point, stream, work| {
-            let values = Components {
-                direct: shader.direct(point, stream, work),
-                indirect: shader.indirect(point, work),
-                specular: shader.specular(point, stream, work),
-                caustic: shader.caustic(point, work),
-            };
-            Some((values, point.emitted()))
-        })
-    })?;
+) -> Report {
     let mut errors = Vec::with_capacity(pixels.len());
     let mut blame = Components::<f64>::default();
     let mut blame_of_glossy = 0.0;
     for (&pixel, truth) in pixels.iter().zip(truth) {
-        let Some((truth, emitted)) = truth else {
+        let &Some((truth, emitted)) = truth else {
             errors.push(0.0);
             continue;
         };
@@ -82,14 +95,14 @@ pub(crate) fn measure(
         held_out_pixels: pixels.len() as u64,
     };
     let glossy_is_worst = worst == Component::Specular && blame_of_glossy > 0.5 * blame.specular;
-    Ok(Report { estimate, worst, glossy_is_worst })
+    Report { estimate, worst, glossy_is_worst }
 }
 
-fn choose(size: ImageSize, supersample: u32, seed: u64, round: usize) -> Vec<Pixel> {
+fn choose(size: ImageSize, supersample: u32, seed: u64) -> Vec<Pixel> {
     // Subpixels are more, but what is to be known is the same.
     let share = SHARE / f64::from(supersample).powi(2);
     let n = ((size.n_pixels() as f64 * share) as usize).max(FEWEST).min(size.n_pixels());
-    let mut rng = Rng::new(seed, Stream::HoldOut, round as u64);
+    let mut rng = Rng::new(seed, Stream::HoldOut, 0);
     // One in each of n stretches of the picture, so that none is taken twice.
     let stretch = |i: usize| i * size.n_pixels() / n;
     let mut pixels: Vec<usize> = (0..n)

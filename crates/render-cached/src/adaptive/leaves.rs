@@ -8,16 +8,19 @@ use std::collections::BTreeMap;
 
 use base::{Component, Grid, ImageSize, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{
-    Lattice, Layer, Reason, RecordPoint, Records, Rule, SurfacePoint, Tolerance, same_surface,
+    Lattice, Layer, Nearby, Reason, RecordPoint, Records, Rule, SurfacePoint, Tolerance, refine,
+    same_surface,
 };
 use geometry::Surface;
 use glam::Vec2;
-use shade::{PixelStream, Shader, Work};
+use rayon::prelude::*;
+use shade::Work;
 
+use super::around::{Around, Known};
 use super::caustic::Caustic;
 use super::direct::Direct;
 use super::indirect::Indirect;
-use super::records::{Place, Saved, Source};
+use super::records::{CLOSE, Place, Saved, Source};
 use super::{Account, View};
 use crate::frame::Frame;
 
@@ -30,24 +33,30 @@ const FEWEST: usize = 64;
 /// Pixels whose chains are followed together.
 const TOGETHER: usize = 16;
 
-/// A diffuse surface at the end of a chain.
+/// A diffuse surface at the end of a chain. There are more of them than pixels, and few are computed: those are found
+/// again by their pixel and path, so that this is small.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
-    pixel: u32,
     path: u64,
+    pixel: u32,
     /// What is left on the way to the eye, times albedo over pi.
     weight: Rgb,
-    surface: Surface,
-    stream: PixelStream,
+    site: SurfacePoint,
 }
 
 impl Leaf {
-    fn site(&self) -> SurfacePoint {
-        site_of(&self.surface)
-    }
-
-    fn irradiance(&self, shader: &Shader<'_>, work: &mut Work) -> Rgb {
-        shader.irradiance(&self.surface, self.stream, false, work)
+    /// Follows the chain again to its end.
+    fn irradiance(&self, frame: &Frame<'_>, work: &mut Work) -> Rgb {
+        let shader = frame.shader();
+        frame.at(frame.size().pixel(self.pixel as usize), work, |point, stream, work| {
+            let mut irradiance = Rgb::BLACK;
+            shader.chain_ends(point, stream, work, |leaf, work| {
+                if leaf.path == self.path && !leaf.is_glossy {
+                    irradiance = shader.irradiance(&leaf.point.facing, leaf.stream, false, work);
+                }
+            });
+            irradiance
+        })
     }
 }
 
@@ -56,11 +65,20 @@ pub(super) fn site_of(surface: &Surface) -> SurfacePoint {
 }
 
 /// What is known of the diffuse surfaces of the primary view.
-#[derive(Clone, Copy)]
-pub(crate) struct Finished<'x> {
-    pub(crate) direct: &'x Direct,
-    pub(crate) indirect: &'x Indirect,
-    pub(crate) caustic: &'x Caustic,
+pub(crate) struct Finished {
+    /// Irradiance of all light, in one place: it is looked up where chains end, in no order.
+    irradiance: Vec<Rgb>,
+    /// Radiance below which errors don't show.
+    pub(crate) floor: f32,
+}
+
+impl Finished {
+    /// Sums up the components as they are now.
+    pub(crate) fn new(direct: &Direct, indirect: &Indirect, caustic: &Caustic, n: usize) -> Self {
+        let of = |i| direct.irradiance(i) + indirect.irradiance(i) + caustic.irradiance(i);
+        let irradiance = (0..n).into_par_iter().with_min_len(4096).map(of).collect();
+        Self { irradiance, floor: indirect.floor() }
+    }
 }
 
 /// The specular chains of a picture that begin sharply.
@@ -76,6 +94,7 @@ pub(crate) struct Leaves {
     /// The pixels whose chains have glossy ends, too: these ends are left to [`super::glossy`].
     glossy: Vec<Pixel>,
     source: Source<Rgb>,
+    around: Around,
 }
 
 impl Leaves {
@@ -88,13 +107,11 @@ impl Leaves {
         let size = frame.size();
         let shader = frame.shader();
         let materials = &shader.scene.materials;
-        let mut pixels = frame.surface_pixels();
-        pixels.retain(|&p| {
-            frame.surfaces()[p]
-                .as_ref()
-                .map(|s| &materials[s.material.0 as usize])
-                .is_some_and(|material| material.is_specular() && !material.is_rough())
-        });
+        let is_sharp = |s: &Surface| {
+            let material = &materials[s.material.0 as usize];
+            material.is_specular() && !material.is_rough()
+        };
+        let pixels: Vec<Pixel> = frame.pixels_that_show(is_sharp).collect();
         // Some pixels at a time share their vectors: one for each would be as long as chains rarely are.
         let groups: Vec<&[Pixel]> = pixels.chunks(TOGETHER).collect();
         let chains = account.items(Component::Specular, &groups, |group, work| {
@@ -107,9 +124,8 @@ impl Leaves {
                         is_glossy |= leaf.is_glossy;
                         if !leaf.is_glossy {
                             let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
-                            let (path, stream, surface) =
-                                (leaf.path, leaf.stream, leaf.point.facing);
-                            leaves.push(Leaf { pixel, path, weight, surface, stream });
+                            let site = site_of(&leaf.point.facing);
+                            leaves.push(Leaf { path: leaf.path, pixel, weight, site });
                         }
                     })
                 });
@@ -126,7 +142,8 @@ impl Leaves {
         let leaves = by_path(chains.iter().flat_map(|c| &c.1));
         let traced = vec![None; leaves.len()];
         let source = saved.source(&saved.set.leaves);
-        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, glossy, source })
+        let around = Around::new(shader.scene.bounds().diagonal());
+        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, glossy, source, around })
     }
 
     /// All that is known of the ends of chains, for good.
@@ -172,16 +189,15 @@ impl Leaves {
     pub(crate) fn resolve(
         &mut self,
         view: &View,
-        finished: &Finished<'_>,
+        finished: &Finished,
         tolerance: Tolerance,
         account: &mut Account<'_, '_>,
     ) -> Result<(), Interrupted> {
-        let shader = account.frame.shader();
         for traced in &mut self.traced {
             traced.take_if(|t| t.1 == Reason::Nearby);
         }
-        let found = account
-            .overhead(&self.leaves, |leaf, _| look_up(shader, &leaf.surface, view, finished))?;
+        let found =
+            account.overhead(&self.leaves, |leaf, _| look_up(&leaf.site, view, finished))?;
         // What is known of a pixel's radiance is what errors in the rest are measured against.
         let size = view.size();
         let mut known: Vec<f32> = self.emitted.values().iter().map(|e| e.luminance()).collect();
@@ -189,6 +205,9 @@ impl Leaves {
             known[leaf.pixel as usize] += found.map_or(0.0, |e| (leaf.weight * e).luminance());
         }
 
+        let rule = LeafRule { leaves: &self.leaves, known: &known, floor: finished.floor };
+        let mut ends =
+            Ends { leaves: &self.leaves, source: &self.source, around: &mut self.around };
         let mut irradiance: Vec<Rgb> = found.iter().map(|f| f.unwrap_or(Rgb::BLACK)).collect();
         let mut few = Vec::new();
         let mut first = 0;
@@ -202,16 +221,7 @@ impl Leaves {
                 continue;
             }
             let image = Image::new(&self.leaves, range, size);
-            let layer = image.refine(
-                &self.leaves,
-                &found,
-                &self.traced,
-                &known,
-                finished.indirect.floor(),
-                tolerance,
-                &self.source,
-                account,
-            )?;
+            let layer = image.refine(&rule, tolerance, &found, &self.traced, &mut ends, account)?;
             for (at, &leaf) in image.leaf_at.iter().enumerate().filter(|(_, leaf)| **leaf != NONE) {
                 let leaf = leaf as usize;
                 irradiance[leaf] = layer.values[at];
@@ -220,18 +230,15 @@ impl Leaves {
                 }
             }
         }
-        let (leaves, source) = (&self.leaves, &self.source);
-        let take = |&i: &usize| {
-            // Too few for neighbors to be compared: only what is certain counts.
-            let (value, _, reason) = source.take(&place(leaves, i), 0, |_| false)?;
-            Some((value, reason))
-        };
-        let values = source.fill(account, &few, take, |account, few| {
-            account.items(Component::Specular, few, |&i, work| {
-                (leaves[i].irradiance(shader, work), Reason::NoNeighbours)
-            })
-        })?;
-        few.iter().zip(values).for_each(|(&i, value)| self.traced[i] = Some(value));
+        // Too few for neighbors to be compared.
+        let values = ends.fill(&rule, tolerance, &few, |_| 0, account)?;
+        for (&leaf, (value, reason)) in few.iter().zip(values) {
+            irradiance[leaf] = value;
+            let reason = reason.unwrap_or(Reason::NoNeighbours);
+            if reason != Reason::Interpolated {
+                self.traced[leaf] = Some((value, reason));
+            }
+        }
 
         self.radiance = self.emitted.clone();
         for (i, leaf) in self.leaves.iter().enumerate() {
@@ -267,21 +274,14 @@ fn place(leaves: &[Leaf], index: usize) -> Place {
     let leaf = &leaves[index];
     let others = [index.wrapping_sub(1), index + 1].into_iter().filter_map(|i| leaves.get(i));
     let beside = others.filter(|o| o.path == leaf.path && o.pixel.abs_diff(leaf.pixel) == 1);
-    let distances = beside.map(|o| o.surface.position.distance(leaf.surface.position));
-    Place { surface: leaf.site(), pixel: distances.reduce(f32::min).unwrap_or(0.0) }
+    let distances = beside.map(|o| o.site.position.distance(leaf.site.position));
+    Place { surface: leaf.site, pixel: distances.reduce(f32::min).unwrap_or(0.0) }
 }
 
 /// Irradiance at the end of a chain from the four pixels around its place in the primary view, if all show its surface.
-pub(super) fn look_up(
-    shader: &Shader<'_>,
-    surface: &Surface,
-    view: &View,
-    finished: &Finished<'_>,
-) -> Option<Rgb> {
-    let Finished { direct, indirect, caustic } = finished;
+pub(super) fn look_up(site: &SurfacePoint, view: &View, finished: &Finished) -> Option<Rgb> {
     let size = view.size();
-    let Surface { position, shading_normal, .. } = *surface;
-    let at = shader.scene.camera.project(size, position)? - 0.5;
+    let at = view.project(site.position.into())? - 0.5;
     let low = at.floor();
     let last = Vec2::new(size.width as f32, size.height as f32) - 1.0;
     if low.cmplt(Vec2::ZERO).any() || low.cmpge(last).any() {
@@ -289,27 +289,13 @@ pub(super) fn look_up(
     }
     let (x, y) = (low.x as u32, low.y as u32);
     let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| Pixel { x: x + dx, y: y + dy });
-    let site = site_of(surface);
-    if !corners.iter().all(|&c| view.sites[c].as_ref().is_some_and(|s| same_surface(s, &site))) {
+    if !corners.iter().all(|&c| view.sites[c].as_ref().is_some_and(|s| same_surface(s, site))) {
         return None;
     }
     let f = at - low;
     let weights = [(1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y];
-    let corners = corners.map(|c| size.index(c));
-    let mix = |value: &dyn Fn(usize) -> Rgb| -> Rgb {
-        corners.iter().zip(weights).map(|(&i, w)| value(i) * w).sum()
-    };
-    let mut irradiance =
-        mix(&|i| indirect.irradiance(i) + caustic.irradiance(i) + direct.rest_irradiance(i));
-    for cached in direct.lights() {
-        let values = &cached.visibility.values;
-        let visibility: f32 = corners.iter().zip(weights).map(|(&i, w)| values[i] * w).sum();
-        if visibility > 0.0 {
-            let light = shader.light(cached.light);
-            irradiance += light.unshadowed_irradiance(position, shading_normal)? * visibility;
-        }
-    }
-    Some(irradiance)
+    let of = |c: Pixel| finished.irradiance[size.index(c)];
+    Some(corners.into_iter().zip(weights).map(|(c, weight)| of(c) * weight).sum())
 }
 
 /// Where a picture has no leaf.
@@ -338,20 +324,18 @@ impl Image {
         Self { size, leaf_at }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "all that is known of the leaves, each once")]
     fn refine(
         &self,
-        leaves: &[Leaf],
+        rule: &LeafRule<'_>,
+        tolerance: Tolerance,
         found: &[Option<Rgb>],
         traced: &[Option<(Rgb, Reason)>],
-        known: &[f32],
-        floor: f32,
-        tolerance: Tolerance,
-        source: &Source<Rgb>,
+        ends: &mut Ends<'_>,
         account: &mut Account<'_, '_>,
     ) -> Result<Layer<Rgb>, Interrupted> {
+        let leaves = rule.leaves;
         let sites =
-            self.leaf_at.iter().map(|&i| (i != NONE).then(|| leaves[i as usize].site())).collect();
+            self.leaf_at.iter().map(|&i| (i != NONE).then(|| leaves[i as usize].site)).collect();
         let lattice = Lattice::new(&Grid::from_values(self.size, sites), COARSEST);
         let mut layer = Layer::new(self.leaf_at.len());
         for (at, &i) in self.leaf_at.iter().enumerate().filter(|(_, i)| **i != NONE) {
@@ -362,46 +346,101 @@ impl Image {
                 (layer.values[at], layer.reasons[at]) = (value, reason);
             }
         }
-        let rule = LeafRule { image: self, leaves, known, floor };
-        let shader = account.frame.shader();
-        source.refine(
-            &lattice,
-            &mut layer,
-            COARSEST,
-            &rule,
-            tolerance,
-            |at| Some(place(leaves, self.leaf_at[at] as usize)),
-            account,
-            |account, pixels: &[Pixel]| {
-                account.items(Component::Specular, pixels, |&pixel, work| {
-                    leaves[self.leaf_at[self.size.index(pixel)] as usize].irradiance(shader, work)
-                })
-            },
-        )?;
+        let of_image = ImageRule { image: self, rule };
+        let mut known = Vec::new();
+        refine(&lattice, &mut layer, COARSEST, &of_image, tolerance, &mut |pixels: &[Pixel]| {
+            let at: Vec<usize> = pixels.iter().map(|&p| self.size.index(p)).collect();
+            let wanted: Vec<usize> = at.iter().map(|&at| self.leaf_at[at] as usize).collect();
+            let step = |n: usize| lattice.step(at[n]).min(COARSEST);
+            let values = ends.fill(rule, tolerance, &wanted, step, account)?;
+            known.extend(at.iter().zip(&values).filter_map(|(&at, v)| Some((at, v.1?))));
+            Ok(values.into_iter().map(|v| v.0).collect())
+        })?;
+        known.into_iter().for_each(|(at, reason)| layer.reasons[at] = reason);
         Ok(layer)
     }
 }
 
+/// Where irradiance at ends that aren't in view comes from.
+struct Ends<'x> {
+    leaves: &'x [Leaf],
+    source: &'x Source<Rgb>,
+    around: &'x mut Around,
+}
+
+impl Ends<'_> {
+    /// Irradiance at some leaves, told by others, from the records, or computed. `step` is the distance of samples around the
+    /// n-th, in pixels.
+    fn fill(
+        &mut self,
+        rule: &LeafRule<'_>,
+        tolerance: Tolerance,
+        wanted: &[usize],
+        step: impl Fn(usize) -> u32 + Sync,
+        account: &mut Account<'_, '_>,
+    ) -> Result<Vec<Known>, Interrupted> {
+        let Self { leaves, source, around } = self;
+        let frame = account.frame;
+        let places: Vec<_> = wanted.iter().map(|&leaf| (leaf as u32, leaves[leaf].site)).collect();
+        let is_good = |n: usize, near: &Nearby<Rgb>| {
+            near.is_within(wanted[n], f32::INFINITY, rule, tolerance)
+        };
+        around.fill(account, &places, is_good, |account, missing| {
+            let take = |&n: &usize| {
+                let (place, step) = (place(leaves, wanted[n]), step(n));
+                let is_good = |near: &Nearby<Rgb>| {
+                    near.is_within(wanted[n], CLOSE * step as f32 * place.pixel, rule, tolerance)
+                };
+                let (value, _, reason) = source.take(&place, step, is_good)?;
+                Some((value, Some(reason)))
+            };
+            source.fill(account, missing, take, |account, missing| {
+                account.items(Component::Specular, missing, |&n, work| {
+                    (leaves[wanted[n]].irradiance(frame, work), None)
+                })
+            })
+        })
+    }
+}
+
+/// The rule for leaves, by number.
 struct LeafRule<'x> {
-    image: &'x Image,
     leaves: &'x [Leaf],
     known: &'x [f32],
     floor: f32,
 }
 
-impl LeafRule<'_> {
-    fn leaf(&self, index: usize) -> &Leaf {
-        &self.leaves[self.image.leaf_at[index] as usize]
+impl Rule<Rgb> for LeafRule<'_> {
+    fn gain(&self, index: usize) -> f32 {
+        self.leaves[index].weight.luminance()
+    }
+    fn reference(&self, index: usize, predicted: Rgb) -> f32 {
+        let leaf = &self.leaves[index];
+        self.floor + self.known[leaf.pixel as usize] + (leaf.weight * predicted).luminance()
+    }
+    fn spacing(&self, _: usize) -> u32 {
+        COARSEST
     }
 }
 
-impl Rule<Rgb> for LeafRule<'_> {
+/// The same for the pixels of an image.
+struct ImageRule<'x> {
+    image: &'x Image,
+    rule: &'x LeafRule<'x>,
+}
+
+impl ImageRule<'_> {
+    fn leaf(&self, index: usize) -> usize {
+        self.image.leaf_at[index] as usize
+    }
+}
+
+impl Rule<Rgb> for ImageRule<'_> {
     fn gain(&self, index: usize) -> f32 {
-        self.leaf(index).weight.luminance()
+        self.rule.gain(self.leaf(index))
     }
     fn reference(&self, index: usize, predicted: Rgb) -> f32 {
-        let leaf = self.leaf(index);
-        self.floor + self.known[leaf.pixel as usize] + (leaf.weight * predicted).luminance()
+        self.rule.reference(self.leaf(index), predicted)
     }
     fn spacing(&self, _: usize) -> u32 {
         COARSEST

@@ -5,6 +5,7 @@
 //! ([`cache_map::refine`]); then pixels held out measure the error that was reached, and what failed is refined again.
 
 mod account;
+mod around;
 mod caustic;
 mod direct;
 mod glossy;
@@ -26,6 +27,7 @@ use crate::render::{Progress, Rendered};
 pub(crate) use account::{Account, ErrorReport};
 pub(crate) use view::View;
 
+use holdout::HeldOut;
 use leaves::Finished;
 
 /// The widest spacing of a lattice, in pixels.
@@ -87,11 +89,13 @@ pub(crate) fn render(
     indirect.aim(&view, &direct, INDIRECT_SHARE * args.error, k);
     indirect.refine(&view, &direct, tolerance.indirect, &mut account)?;
     caustic.refine(&view, &direct, &indirect, tolerance.caustic, &mut account)?;
+    let held_out = HeldOut::compute(args, &mut account)?;
     let target = f64::from(args.error);
+    let n = frame.size().n_pixels();
     let mut round = 0;
     let mut view_is_better = false;
     let error = loop {
-        let finished = Finished { direct: &direct, indirect: &indirect, caustic: &caustic };
+        let finished = Finished::new(&direct, &indirect, &caustic, n);
         specular.resolve(&view, &finished, tolerance.specular, &mut account)?;
         let of_glossy =
             Tolerance { error: 4.0 * glossy_strictness, edge: 20.0 * glossy_strictness };
@@ -108,7 +112,7 @@ pub(crate) fn render(
             }
         };
         let is_glossy = |i: usize| glossy.is_shown_at(i);
-        let report = holdout::measure(args, frame, &compose, &is_glossy, round, &mut account)?;
+        let report = holdout::measure(args, frame.size(), &held_out, &compose, &is_glossy);
         round += 1;
         if report.estimate.measured_mean <= NEAR_ENOUGH * target || round == MAX_ROUNDS {
             break report.estimate;
@@ -134,7 +138,7 @@ pub(crate) fn render(
     };
 
     if view_is_better {
-        let finished = Finished { direct: &direct, indirect: &indirect, caustic: &caustic };
+        let finished = Finished::new(&direct, &indirect, &caustic, n);
         glossy.look_up(&view, &finished, &mut account)?;
     }
 

@@ -20,7 +20,7 @@ use crate::frame::Frame;
 use crate::{Args, output};
 
 /// Across an edge a record may stand for points at this part of the distance of samples. Elsewhere at all of it.
-const CLOSE: f32 = 0.4;
+pub(crate) const CLOSE: f32 = 0.4;
 
 /// What has been saved of a scene.
 #[derive(Debug, Default)]

@@ -2,7 +2,7 @@
 
 use base::{Grid, ImageSize, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{Lattice, SurfacePoint};
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 use rayon::prelude::*;
 use scene::Camera;
 
@@ -67,6 +67,11 @@ impl View {
         let slant = (normal.dot(to_eye) / to_eye.length()).clamp(0.02, 1.0);
         let depth = self.camera.depth(position).max(f32::MIN_POSITIVE);
         depth * self.camera.pixel_extent(self.size) / slant.sqrt()
+    }
+
+    /// Where a point is seen, in pixels; nothing behind the eye.
+    pub(crate) fn project(&self, position: Vec3A) -> Option<Vec2> {
+        self.camera.project(self.size, position)
     }
 
     /// The surface that a pixel shows, as records know it.

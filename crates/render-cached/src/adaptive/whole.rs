@@ -25,13 +25,12 @@ const PROBES: usize = 64;
 
 /// Whether a cache saves time.
 pub(crate) fn cache_pays(account: &mut Account<'_, '_>) -> Result<bool, Interrupted> {
-    let pixels = account.frame.surface_pixels();
-    if pixels.len() < FEWEST_PIXELS {
+    let frame = account.frame;
+    let n_pixels = frame.surfaces().values().iter().flatten().count();
+    if n_pixels < FEWEST_PIXELS {
         return Ok(false);
     }
-    let step = pixels.len() / PROBES;
-    let some: Vec<_> = pixels.into_iter().step_by(step).collect();
-    let frame = account.frame;
+    let some: Vec<_> = frame.pixels_that_show(|_| true).step_by(n_pixels / PROBES).collect();
     let shader = frame.shader();
     let before = account.counts();
     account.overhead(&some, |&pixel, work| {
