@@ -11,7 +11,7 @@ use shade::{Settings, Shader};
 use crate::renderer::{self, Rendering};
 use crate::scenes::{
     add_light, add_mesh, add_sphere, cuboid, diffuse, emissive, empty, furnace, glass, mirror,
-    quad, smooth_ball,
+    pane, quad, smooth_ball,
 };
 
 const N_PHOTONS: u64 = 1_000_000;
@@ -81,6 +81,8 @@ fn mirrors_and_glass_are_invisible() {
     add_sphere(&mut parts, Vec3::new(0.2, -0.3, -0.5), 0.35, glass(1.5));
     let prism = cuboid(Vec3::new(-0.8, -0.9, -0.8), Vec3::new(-0.3, -0.4, -0.3));
     add_mesh(&mut parts, prism, glass(1.3));
+    let sheet = quad(Vec3::new(0.0, -0.8, 0.1), Vec3::X * 0.7, Vec3::Y * 0.5);
+    add_mesh(&mut parts, sheet, pane(1.7));
     // Visibility is a ratio of two estimates, and too low by a share that falls with the number of rays. Nowhere is it
     // larger than here, where the light begins right beside what it lights: 0.2 % of direct light for 64 rays, and 1.6 %
     // if their places were uniform by area.

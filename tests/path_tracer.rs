@@ -250,7 +250,7 @@ impl<'a> Tracer<'a> {
                     beta *= reflectance / (1.0 - p_diffuse);
                     followed_pdf = None;
                     let bounce = optics::specular_bounce(&vertex, random);
-                    if bounce.transmitted {
+                    if bounce.transmitted && vertex.material.is_glass() {
                         medium = vertex.front.then_some(vertex.material);
                     }
                     squeeze *= bounce.squeeze;

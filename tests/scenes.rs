@@ -50,6 +50,11 @@ pub(crate) fn glass(ior: f32) -> Material {
     Material { specular: Specular::Glass { ior, absorption: Rgb::BLACK }, ..black() }
 }
 
+/// A pane of glass.
+pub(crate) fn pane(ior: f32) -> Material {
+    Material { specular: Specular::Pane { ior }, ..black() }
+}
+
 /// Adds a material.
 pub(crate) fn add_material(parts: &mut Parts, material: Material) -> MaterialId {
     let name = format!("material {}", parts.materials.len());

@@ -9,7 +9,7 @@ use scene::{Camera, EnvironmentMap, FovAxis, LightKind, Material, Parts, Specula
 use crate::agreement::{Case, assert_agreement};
 use crate::scenes::{
     add_light, add_mesh, add_sphere, black, cuboid, diffuse, emissive, empty, faceted_ball, glass,
-    mirror, quad, room, smooth_ball,
+    mirror, pane, quad, room, smooth_ball,
 };
 
 fn from_file(name: &str) -> Parts {
@@ -162,6 +162,25 @@ fn under_an_image() {
         samples_per_pixel: 512,
         photons: 6_000_000,
         radius: 0.05,
+    });
+}
+
+/// A lamp behind a pane, which shows the room twice.
+#[test]
+fn behind_a_pane() {
+    let mut parts = room_from_aside(1.5);
+    let ceiling = quad(Vec3::new(-0.99, 1.7, -0.99), Vec3::X * 1.98, Vec3::Z * 1.98);
+    add_mesh(&mut parts, ceiling, pane(1.5));
+    let window = quad(Vec3::new(-0.8, 0.1, 0.5), Vec3::X * 1.1, Vec3::new(0.0, 1.2, -0.6));
+    add_mesh(&mut parts, window, pane(2.2));
+    let block = cuboid(Vec3::new(0.15, 0.1, -0.5), Vec3::new(0.7, 0.8, 0.0));
+    add_mesh(&mut parts, block, diffuse(Rgb::new(0.2, 0.5, 0.7)));
+    assert_agreement(&Case {
+        name: "behind-a-pane",
+        parts,
+        samples_per_pixel: 512,
+        photons: 2_000_000,
+        radius: 0.03,
     });
 }
 

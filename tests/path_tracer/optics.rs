@@ -37,13 +37,18 @@ fn specular_frame(at: &Vertex<'_>) -> (DVec3, DVec3) {
             }
             (n, DVec3::splat(dielectric_reflectance(n.dot(at.w_o), eta)))
         }
+        Specular::Pane { ior } => {
+            // The sum of a geometric series: each pass from face to face and back leaves f^2.
+            let f = dielectric_reflectance(n.dot(at.w_o), f64::from(ior));
+            (n, DVec3::splat(f + (1.0 - f).powi(2) * f / (1.0 - f * f)))
+        }
     }
 }
 
 /// What the specular part scatters in all, reflected and transmitted.
 pub(super) fn specular_reflectance(at: &Vertex<'_>) -> DVec3 {
     match at.material.specular {
-        Specular::Glass { .. } => DVec3::ONE,
+        Specular::Glass { .. } | Specular::Pane { .. } => DVec3::ONE,
         // Rough ones weigh what they choose themselves.
         Specular::Metal { .. } if at.material.is_rough() => DVec3::ONE,
         _ => specular_frame(at).1,
@@ -59,6 +64,11 @@ pub(super) fn specular_bounce(at: &Vertex<'_>, random: &mut Random) -> Bounce {
     {
         // Radiance is per solid angle, which refraction changes: (eta_i / eta_t)^2 (Veach 1997, section 5.2).
         return Bounce { dir, squeeze: 1.0 / (eta * eta), transmitted: true };
+    }
+    if let Specular::Pane { .. } = at.material.specular
+        && random.uniform() >= reflectance.x
+    {
+        return Bounce { dir: -at.w_o, squeeze: 1.0, transmitted: true };
     }
     Bounce { dir: mirrored(at.w_o, n), squeeze: 1.0, transmitted: false }
 }

@@ -339,7 +339,7 @@ impl<'a> Emitter<'a> {
             if class == PhotonClass::Direct {
                 class = PhotonClass::Caustic;
             }
-            if bounce.transmitted {
+            if bounce.transmitted && material.is_glass() {
                 medium = if inside { None } else { Some(material) };
             }
             ray = Ray::unbounded(surface.leave(bounce.dir), bounce.dir);

@@ -57,7 +57,7 @@ pub struct Options {
 ///
 /// - shapes: `rectangle`, `disk`, `cube`, `sphere`, `cylinder` (circles are polygons of 128 sides), `obj`, `ply`;
 ///   `to_world` of `translate`, `rotate`, `scale`, `lookat`, `matrix`; `flip_normals`, `face_normals`, `flip_tex_coords`
-/// - bsdfs: `diffuse`, `dielectric`, `conductor` (by `eta` and `k`, or one of Ag, Al, Au, Cr, Cu, none),
+/// - bsdfs: `diffuse`, `dielectric`, `thindielectric`, `conductor` (by `eta` and `k`, or one of Ag, Al, Au, Cr, Cu, none),
 ///   `roughdielectric` and `roughconductor` of GGX, `twosided`; every surface has two equal sides
 /// - textures: `bitmap`, `checkerboard`
 /// - emitters: `area` (not of spheres), `point`, `spot`, `directional`, `constant`, `envmap`
@@ -98,7 +98,7 @@ pub struct Options {
 /// rotate = 45              # by how much they are turned after that, counterclockwise
 /// offset = [0.5, 0]        # and moved at last
 ///
-/// [materials.NAME]         # one of the four types
+/// [materials.NAME]         # one of the five types
 /// type = "diffuse"
 /// albedo = [0.7, 0.7, 0.7] # at most 1; both sides reflect alike
 /// albedo_texture = "NAME"  # optional: what albedo is multiplied with from place to place; albedo is 1 by default then
@@ -117,6 +117,9 @@ pub struct Options {
 /// type = "glass"
 /// ior = 1.5                # inside relative to outside, 0.1 to 10
 /// absorption = [0.1, 0, 0] # per unit of length inside; optional
+///
+/// type = "pane"            # of glass, too thin to have an inside: a surface that light passes straight through
+/// ior = 1.5                # of the glass relative to what is around it, 0.1 to 10
 ///
 /// [[meshes]]
 /// name = "rabbit"

@@ -72,7 +72,7 @@ impl Material {
     pub fn is_rough(&self) -> bool {
         self.roughness >= LEAST_ROUGHNESS
             && match self.specular {
-                Specular::None => false,
+                Specular::None | Specular::Pane { .. } => false,
                 Specular::Mirror { .. } | Specular::Metal { .. } => true,
                 Specular::Glass { ior, .. } => (ior - 1.0).abs() >= LEAST_BEND,
             }
@@ -144,7 +144,9 @@ impl Lobe {
     fn facet(&self, h: Vec3A) -> Facet {
         let cos = h.dot(self.w_o).clamp(0.0, 1.0);
         match self.interface {
-            Specular::None => Facet { reflectance: Rgb::BLACK, share_reflected: 1.0 },
+            Specular::None | Specular::Pane { .. } => {
+                Facet { reflectance: Rgb::BLACK, share_reflected: 1.0 }
+            }
             Specular::Mirror { reflectance } => Facet { reflectance, share_reflected: 1.0 },
             Specular::Metal { eta, k } => {
                 Facet { reflectance: fresnel_conductor(cos, eta, k), share_reflected: 1.0 }

@@ -51,6 +51,12 @@ pub enum Specular {
         /// Absorption coefficient inside, per unit of length: radiance falls by `exp(-absorption * t)`.
         absorption: Rgb,
     },
+    /// A pane of glass so thin that it has no inside: light goes on straight or is reflected, by all reflections between
+    /// its two faces.
+    Pane {
+        /// Index of refraction of the glass relative to what is around it.
+        ior: f32,
+    },
 }
 
 /// What is carried along a path: radiance is squeezed when it enters a denser medium, flux isn't.
@@ -86,7 +92,7 @@ impl Material {
         self.specular != Specular::None
     }
 
-    /// Whether light passes through, so that it has an inside.
+    /// Whether light passes into it, so that it has an inside.
     #[inline]
     pub fn is_glass(&self) -> bool {
         matches!(self.specular, Specular::Glass { .. })
@@ -156,6 +162,15 @@ impl Material {
                 });
                 [Some(reflection(n, Rgb::splat(f))), transmission]
             }
+            Specular::Pane { ior } => {
+                // What one face reflects, and the other sends back through it, and so on: f + t f t + t f f f t ...
+                let f = fresnel_dielectric(n.dot(w_o).min(1.0), ior);
+                let reflected = 2.0 * f / (1.0 + f);
+                let weight = Rgb::splat(1.0 - reflected);
+                let transmission = SpecularBounce { dir: -w_o, weight, transmitted: true };
+                let passes = reflected < 1.0;
+                [Some(reflection(n, Rgb::splat(reflected))), passes.then_some(transmission)]
+            }
         }
     }
 
@@ -224,6 +239,31 @@ mod tests {
                 assert!((1.5 * sines(inner) - sines(outer)).abs() < 1e-4, "{w_o} {}", t.dir);
             }
         }
+    }
+
+    #[test]
+    fn panes_bend_nothing_and_are_alike_from_both_sides() {
+        let pane = material(Specular::Pane { ior: 1.5 });
+        let mut rng = Rng::new(0, Stream::Test, 3);
+        for _ in 0..1000 {
+            let w_o = warp::uniform_sphere(rng.next_2d());
+            for transport in [Transport::Radiance, Transport::Flux] {
+                let split = |w: Vec3A| {
+                    pane.specular_bounces(&surface(Vec3A::Z), w, transport).map(Option::unwrap)
+                };
+                let ([r, t], [r_behind, _]) = (split(w_o), split(-w_o));
+                assert!(((r.weight + t.weight).g - 1.0).abs() < 1e-6);
+                assert!((t.dir + w_o).length() < 1e-6 && t.transmitted);
+                assert!((r.weight.g - r_behind.weight.g).abs() < 1e-6);
+                // The same by counting: what leaves the pane after so many reflections within.
+                let f = fresnel_dielectric(w_o.z.abs(), 1.5);
+                let series: f32 = (0..60).map(|i| (1.0 - f).powi(2) * f.powi(2 * i + 1)).sum();
+                assert!((r.weight.g - (f + series)).abs() < 1e-2, "{} at {w_o}", r.weight.g);
+            }
+        }
+        assert!((fresnel_dielectric(1.0, 1.5) - 0.04).abs() < 1e-6);
+        let [head_on, _] = pane.specular_bounces(&surface(Vec3A::Z), Vec3A::Z, Transport::Flux);
+        assert!((head_on.unwrap().weight.g - 0.08 / 1.04).abs() < 1e-6);
     }
 
     #[test]

@@ -176,6 +176,7 @@ fn material_digest(material: &Material) -> Fingerprint {
         Specular::Glass { ior, absorption } => {
             digest.bytes(b"glass").pod(&[ior]).pod(&[absorption])
         }
+        Specular::Pane { ior } => digest.bytes(b"pane").pod(&[ior]),
     };
     if material.is_rough() {
         digest.bytes(b"rough").pod(&[material.roughness]);

@@ -202,7 +202,7 @@ fn faults_of_materials() {
         ("albedo = [0.7, 0.7, 0.7]\n", "",
          "scene.toml:7:8: material `white` of type \"diffuse\" needs the key `albedo`"),
         ("type = \"diffuse\"", "type = \"matte\"",
-         "scene.toml:7:8: material `white` has the unknown type \"matte\"; the types are diffuse, mirror, metal and glass"),
+         "scene.toml:7:8: material `white` has the unknown type \"matte\"; the types are diffuse, mirror, metal, glass and pane"),
         ("emission = 0", "ior = 1.5",
          "scene.toml:9:7: material `white` of type \"diffuse\" takes no `ior`; its keys are albedo, albedo_texture and emission"),
         ("preset = \"gold\"", "preset = \"tin\"",

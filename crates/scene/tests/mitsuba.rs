@@ -285,9 +285,10 @@ fn faults_are_named_with_their_place() {
         ("type=\"cube\"", "type=\"hair\"",
          "s.xml:35:3: shape \"hair\" isn't supported; the shapes are rectangle, cube, disk, cylinder, sphere, obj and ply"),
         ("type=\"dielectric\"", "type=\"principled\"",
-         "s.xml:19:3: bsdf \"principled\" isn't supported; the bsdfs are diffuse, dielectric, conductor, roughdielectric, roughconductor and twosided"),
-        ("type=\"dielectric\"", "type=\"thindielectric\"",
-         "s.xml:19:3: bsdf \"thindielectric\" isn't supported; with --lenient it is taken as smooth glass"),
+         "s.xml:19:3: bsdf \"principled\" isn't supported; the bsdfs are diffuse, dielectric, thindielectric, conductor, roughdielectric, roughconductor and twosided"),
+        ("type=\"dielectric\"", "type=\"plastic\"",
+         "s.xml:19:3: bsdf \"plastic\" isn't supported; with --lenient only its diffuse part is taken"),
+        ("type=\"dielectric\"", "type=\"thindielectric\"", "no error; []"),
         ("value=\"ggx\"", "value=\"beckmann\"",
          "s.xml:20:3: bsdf \"roughconductor\" with microfacets by Beckmann isn't supported; with --lenient they are taken as those of GGX"),
         ("value=\"Au\"", "value=\"W\"",
@@ -350,13 +351,13 @@ fn faults_are_named_with_their_place() {
 #[test]
 fn lenient_replaces_and_tells() {
     let text = NEW
-        .replace("type=\"dielectric\"", "type=\"thindielectric\"")
+        .replace("type=\"dielectric\"", "type=\"plastic\"")
         .replace("</scene>", "<medium type=\"homogeneous\"/></scene>");
     let loaded = load_files(&[("s.xml", text.as_str())], &options(&[], true)).unwrap();
     assert_eq!(
         loaded.warnings,
         [
-            "s.xml:19:3: bsdf \"thindielectric\" isn't supported; it is taken as smooth glass",
+            "s.xml:19:3: bsdf \"plastic\" isn't supported; only its diffuse part is taken",
             "s.xml:40:1: <medium> isn't supported; it is left out",
         ]
     );

@@ -201,7 +201,7 @@ impl<'a> ShadingPoint<'a> {
         transmitted: bool,
         medium: Option<&'a Material>,
     ) -> Option<&'a Material> {
-        match transmitted {
+        match transmitted && self.material.is_glass() {
             true if is_inside(&self.surface, self) => None,
             true => Some(self.material),
             false => medium,

@@ -211,7 +211,7 @@ impl Rule<Rgb> for GlossyRule<'_> {
 /// The color that a surface gives to what it shows, head on. Nowhere black, so that it can be divided by.
 fn tint_of(material: &Material) -> Rgb {
     let tint = match material.specular {
-        Specular::None | Specular::Glass { .. } => Rgb::ONE,
+        Specular::None | Specular::Glass { .. } | Specular::Pane { .. } => Rgb::ONE,
         Specular::Mirror { reflectance } => reflectance,
         Specular::Metal { eta, k } => fresnel_conductor(1.0, eta, k),
     };

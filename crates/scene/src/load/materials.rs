@@ -76,28 +76,24 @@ pub(super) fn material(
                 return Err(source.fault(emission.span(), fault));
             }
             typed.take_only(&given, &["ior", "absorption", "roughness"])?;
-            let written = typed.need(&table.ior, "ior")?;
-            let ior = source.number(written, &of("ior"))?;
-            if !IOR_RANGE.contains(&ior) {
-                let fault = format!(
-                    "{} is {ior}; indices of refraction lie between {} and {}",
-                    of("ior"),
-                    IOR_RANGE.start(),
-                    IOR_RANGE.end()
-                );
-                return Err(source.fault(written.span(), fault));
-            }
+            let ior = ior(source, &typed, table)?;
             let absorption = match &table.absorption {
                 Some(absorption) => source.amount(absorption, &of("absorption"))?,
                 None => Rgb::BLACK,
             };
             if ior == 1.0 && absorption.is_black() {
                 let warning = format!("{} is 1, so it is invisible", of("ior"));
-                assembly.warnings.push(source.warning(written.span(), warning));
+                let span = span(&table.ior).unwrap_or_default();
+                assembly.warnings.push(source.warning(span, warning));
             }
             Specular::Glass { ior, absorption }
         }
-        _ => return Err(typed.unknown(&["diffuse", "mirror", "metal", "glass"])),
+        "pane" => {
+            typed.take_only(&given, &["ior"])?;
+            let ior = ior(source, &typed, table)?;
+            Specular::Pane { ior }
+        }
+        _ => return Err(typed.unknown(&["diffuse", "mirror", "metal", "glass", "pane"])),
     };
     let emission = match &table.emission {
         Some(emission) => source.amount(emission, &of("emission"))?,
@@ -129,6 +125,18 @@ pub(super) fn material(
         assembly.warnings.push(source.warning(written.span(), warning));
     }
     Ok(material)
+}
+
+fn ior(source: &Source, typed: &Typed<'_>, table: &MaterialTable) -> Result<f32, Error> {
+    let written = typed.need(&table.ior, "ior")?;
+    let what = format!("the ior of {}", typed.object);
+    let ior = source.number(written, &what)?;
+    if IOR_RANGE.contains(&ior) {
+        return Ok(ior);
+    }
+    let (least, most) = (IOR_RANGE.start(), IOR_RANGE.end());
+    let fault = format!("{what} is {ior}; indices of refraction lie between {least} and {most}");
+    Err(source.fault(written.span(), fault))
 }
 
 /// The albedo of a table and what it is multiplied with, beside a specular part of the given reflectance.

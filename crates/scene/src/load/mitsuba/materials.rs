@@ -57,7 +57,9 @@ pub(super) fn material<'d>(
         // As Mitsuba has it.
         None => Looks { albedo: Rgb::splat(0.5), ..Looks::default() },
     };
-    if !emission.is_black() && matches!(looks.specular, Specular::Glass { .. }) {
+    if !emission.is_black()
+        && matches!(looks.specular, Specular::Glass { .. } | Specular::Pane { .. })
+    {
         let fault = "a shape of glass cannot emit; give the emitter to another one";
         return Err(context.document.fault(shape.place, fault));
     }
@@ -122,8 +124,9 @@ fn looks<'d>(
             Looks { roughness: roughness(context, &plugin)?, ..glass(context, &plugin)? }
         }
         "thindielectric" => {
-            instead(context, &plugin, "it is taken as smooth glass")?;
-            glass(context, &plugin)?
+            full(context, &plugin, &["specular_reflectance", "specular_transmittance"])?;
+            let ior = relative_ior(context, &plugin)?;
+            Looks { specular: Specular::Pane { ior }, ..Looks::default() }
         }
         "plastic" | "roughplastic" | "phong" | "ward" | "coating" | "difftrans" => {
             instead(context, &plugin, "only its diffuse part is taken")?;
@@ -133,6 +136,7 @@ fn looks<'d>(
             let known = [
                 "diffuse",
                 "dielectric",
+                "thindielectric",
                 "conductor",
                 "roughdielectric",
                 "roughconductor",
@@ -215,6 +219,12 @@ fn full<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>, names: &[&str]) -> R
 }
 
 fn glass(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<Looks, Error> {
+    let ior = relative_ior(context, plugin)?;
+    Ok(Looks { specular: Specular::Glass { ior, absorption: Rgb::BLACK }, ..Looks::default() })
+}
+
+/// The index of refraction of the inside relative to the outside.
+fn relative_ior(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<f32, Error> {
     let index = |name: &str, default: &str| -> Result<f64, Error> {
         let Some(written) = plugin.get(&[name]) else { return Ok(ior_of(default).unwrap_or(1.0)) };
         if written.tag != "string" {
@@ -239,7 +249,7 @@ fn glass(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<Looks, Error> {
         );
         return Err(context.document.fault(plugin.element.place, fault));
     }
-    Ok(Looks { specular: Specular::Glass { ior, absorption: Rgb::BLACK }, ..Looks::default() })
+    Ok(ior)
 }
 
 /// The roughness whose square is the width of microfacets.
