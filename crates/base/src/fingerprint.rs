@@ -77,6 +77,11 @@ impl Inventory {
         self.parts.push((name.into(), digest));
     }
 
+    /// The parts with their digests, in order.
+    pub fn parts(&self) -> impl Iterator<Item = (&str, Fingerprint)> {
+        self.parts.iter().map(|(name, digest)| (name.as_str(), *digest))
+    }
+
     /// One digest of all parts, names and order included.
     pub fn fingerprint(&self) -> Fingerprint {
         let mut builder = FingerprintBuilder::new();

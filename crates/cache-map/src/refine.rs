@@ -75,6 +75,20 @@ pub enum Reason {
 }
 
 impl Reason {
+    /// All of them, in order.
+    pub const ALL: [Self; 10] = [
+        Self::Interpolated,
+        Self::Lattice,
+        Self::NoNeighbours,
+        Self::Error,
+        Self::Edge,
+        Self::Verification,
+        Self::HoldOut,
+        Self::Reused,
+        Self::Nearby,
+        Self::Whole,
+    ];
+
     /// Whether the value comes from saved records instead of being computed.
     pub fn is_reuse(self) -> bool {
         matches!(self, Self::Reused | Self::Nearby)

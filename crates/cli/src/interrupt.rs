@@ -10,7 +10,7 @@ use std::time::Duration;
 use base::Interrupted;
 
 /// How long a program may take to end by itself. The rest of a second is for keeping what was done.
-const PATIENCE: Duration = Duration::from_millis(600);
+const PATIENCE: Duration = Duration::from_millis(400);
 
 /// Keeps what was done, and says in words what was and wasn't.
 type Farewell = Box<dyn FnMut() -> String + Send>;

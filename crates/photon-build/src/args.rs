@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use base::Share;
-use cli::{Common, SceneOptions, parse_count};
+use cli::{Common, JournalOptions, SceneOptions, parse_count};
 
 /// Shoot photons into a scene and save photon maps
 ///
@@ -50,6 +50,9 @@ pub struct Args {
     /// How a scene of Mitsuba is read.
     #[command(flatten)]
     pub scene_options: SceneOptions,
+    /// What survives an end.
+    #[command(flatten)]
+    pub journal: JournalOptions,
     /// Options that all programs have.
     #[command(flatten)]
     pub common: Common,

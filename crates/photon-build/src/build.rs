@@ -1,18 +1,19 @@
 //! From a scene to a file of photons.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::bail;
 use base::{Photon, Share};
-use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
+use cli::{Clock, Console, Interrupt, Journal, Seconds, WrongUsage};
 use photon_map::{Loose, Metadata, PhotonMaps, ShardMetadata, largest_flux};
 use photon_trace::{Account, Budget, Config, Traced};
 use scene::Scene;
 
 use crate::args::Store;
 use crate::stats::{self, Stages, Stats, Written};
-use crate::{Args, shard};
+use crate::{Args, resume, shard};
 
 /// Builds the photon maps that the command line asks for.
 ///
@@ -56,7 +57,17 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
         store_direct: args.store.contains(&Store::Direct),
         aim: args.aim,
     };
-    let traced = trace(&scene, &config, args.shard, &pool, &console, interrupt)?;
+    let command = remedy(args, scene_path, args.shard);
+    let mut settings = vec![("the program".to_owned(), MADE_BY.to_owned())];
+    settings.extend(cli::settings_of(&command));
+    let parts = scene.inventory().parts();
+    settings.extend(parts.map(|(name, digest)| (name.to_owned(), digest.to_string())));
+    let journal =
+        Arc::new(Journal::open(Some(output), args.journal, &args.common, &settings, console)?);
+    let kept = Arc::clone(&journal);
+    interrupt.at_end(move || kept.farewell(NOTHING_WRITTEN));
+
+    let traced = trace(&scene, &config, args.shard, &pool, &console, interrupt, &journal)?;
     audit(&traced, args, &console)?;
     let trace = clock.lap();
 
@@ -74,7 +85,6 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
                 made_by: MADE_BY.into(),
                 command_of_all,
             };
-            let command = remedy(args, scene_path, Some(share));
             let existing = args.common.existing();
             let written =
                 pool.install(|| shard::save(output, existing, about, traced, &command))?;
@@ -88,6 +98,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
             (Written::maps(&maps, file_bytes), tree)
         }
     };
+    journal.remove();
     let write = clock.lap();
 
     let stages = Stages { load, bvh, trace, tree, write, total: clock.total() };
@@ -136,6 +147,7 @@ fn trace(
     pool: &rayon::ThreadPool,
     console: &Console,
     interrupt: &Interrupt,
+    journal: &Journal,
 ) -> anyhow::Result<Traced> {
     let share = shard.unwrap_or(Share::WHOLE);
     let n_photons = photons_of_lights(scene, config).into_iter().fold(0, u64::saturating_add);
@@ -148,7 +160,9 @@ fn trace(
         bar.set_position(done.fetch_add(n, Ordering::Relaxed) + n);
         interrupt.go_on()
     };
-    let traced = pool.install(|| photon_trace::trace_share(scene, config, share, &watch));
+    let traced = resume::with_keeper(journal, |keeper| {
+        pool.install(|| photon_trace::trace_kept(scene, config, share, keeper, &watch))
+    });
     bar.finish_and_clear();
     Ok(traced?)
 }

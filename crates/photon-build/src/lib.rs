@@ -4,6 +4,7 @@ mod args;
 mod build;
 mod info;
 mod merge;
+mod resume;
 mod shard;
 mod stats;
 

@@ -15,4 +15,4 @@ mod budget;
 mod trace;
 
 pub use budget::{Budget, photons_of_lights};
-pub use trace::{Account, Config, Energy, Traced, trace, trace_share};
+pub use trace::{Account, Config, Energy, Keeper, Traced, trace, trace_kept, trace_share};

@@ -1,5 +1,6 @@
 //! The paths of photons.
 
+use std::fmt;
 use std::ops::AddAssign;
 
 use base::{
@@ -122,6 +123,36 @@ pub fn trace_share(
     share: Share,
     watch: Watch<'_>,
 ) -> Result<Traced, Interrupted> {
+    let keeper = Keeper { find: &|_, _| None, keep: &|_, _| {} };
+    trace_kept(scene, config, share, &keeper, watch)
+}
+
+/// Where finished batches are kept beside, by their number among those of all shares.
+#[derive(Clone, Copy)]
+pub struct Keeper<'a> {
+    /// What an earlier run with the same scene and configuration has kept, given also how many photons it emits.
+    pub find: &'a (dyn Fn(u64, u64) -> Option<Traced> + Sync),
+    /// Told of every batch that was traced.
+    pub keep: &'a (dyn Fn(u64, &Traced) + Sync),
+}
+
+impl fmt::Debug for Keeper<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Keeper")
+    }
+}
+
+/// As [`trace_share`], but batches that were kept aren't traced again.
+///
+/// # Errors
+/// When the watch asks for a stop.
+pub fn trace_kept(
+    scene: &Scene,
+    config: &Config,
+    share: Share,
+    keeper: &Keeper<'_>,
+    watch: Watch<'_>,
+) -> Result<Traced, Interrupted> {
     let bounds = scene.bounds();
     let fluxes: Vec<Rgb> = scene.lights.iter().map(|light| light.flux(&bounds)).collect();
     let counts = photons_of_lights(config.budget, &fluxes);
@@ -139,10 +170,15 @@ pub fn trace_share(
         .collect();
     let done: Option<Vec<Traced>> = batches
         .into_par_iter()
-        .map(|(light, photons)| {
-            let n = photons.end - photons.start;
-            let mut traced = Traced::default();
-            photons.for_each(|i| tracers[light].photon(i, &mut traced));
+        .enumerate()
+        .map(|(i, (light, photons))| {
+            let (batch, n) = (of_share.start + i as u64, photons.end - photons.start);
+            let traced = (keeper.find)(batch, n).unwrap_or_else(|| {
+                let mut traced = Traced::default();
+                photons.for_each(|i| tracers[light].photon(i, &mut traced));
+                (keeper.keep)(batch, &traced);
+                traced
+            });
             watch(n).then_some(traced)
         })
         .collect();

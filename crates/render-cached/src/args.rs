@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use base::ImageSize;
-use cli::{Common, SceneOptions, parse_count};
+use cli::{Common, JournalOptions, SceneOptions, parse_count};
 use photon_map::Kernel;
 
 /// Render a scene with saved photon maps, by component
@@ -55,6 +55,9 @@ pub struct Args {
     /// How pixels are interpolated.
     #[command(flatten)]
     pub paper: Paper,
+    /// What survives an end.
+    #[command(flatten)]
+    pub journal: JournalOptions,
     /// How a scene of Mitsuba is read.
     #[command(flatten)]
     pub scene_options: SceneOptions,

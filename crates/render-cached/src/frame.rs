@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use shade::{Counts, PixelStream, Shader, ShadingPoint, Work};
 
 /// Items that one task takes. Fixed, since the counts of work depend on it.
-const CHUNK: usize = 512;
+pub(crate) const CHUNK: usize = 512;
 
 /// The side of the squares in which pixels are visited, so that neighbours in work are neighbours in space.
 const TILE: u32 = 32;

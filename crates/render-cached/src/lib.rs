@@ -10,6 +10,7 @@ mod output;
 mod paper;
 mod photons;
 mod render;
+mod resume;
 mod stats;
 
 pub use args::{Args, Command, Mode};

@@ -18,8 +18,9 @@ pub(crate) fn render(
     let mut seconds = Components::<Seconds>::default();
     let mut values = Components::from_fn(|_| Grid::from_fn(frame.size(), |_| Rgb::BLACK));
     for component in Component::ALL {
-        let (radiance, c) = progress
-            .run(component.name(), pixels.len(), |watch| frame.shade(component, &pixels, watch))?;
+        let (radiance, c) = progress.run(component.name(), pixels.len(), |watch| {
+            progress.resume.chunks(&pixels, watch, |pixels| frame.shade(component, pixels, watch))
+        })?;
         pixels.iter().zip(radiance).for_each(|(&pixel, r)| values[component][pixel] = r);
         counts += c;
         seconds[component] = clock.lap();

@@ -71,8 +71,9 @@ pub(crate) fn render(
                      origin|
      -> anyhow::Result<()> {
         let what = if origin == Origin::Sampled { "samples" } else { component.name() };
-        let (radiance, c) =
-            progress.run(what, pixels.len(), |watch| frame.shade(component, pixels, watch))?;
+        let (radiance, c) = progress.run(what, pixels.len(), |watch| {
+            progress.resume.chunks(pixels, watch, |pixels| frame.shade(component, pixels, watch))
+        })?;
         map.record(component, pixels, &radiance, origin);
         traced[component] += pixels.len() as u64;
         counts += c;

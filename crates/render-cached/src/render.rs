@@ -14,6 +14,7 @@ use shade::{Counts, Settings, Shader};
 
 use crate::adaptive::{self, ErrorReport};
 use crate::frame::Frame;
+use crate::resume::{NOTHING_WRITTEN, Resume};
 use crate::{Args, Mode, health, original, output, paper, photons, stats};
 
 /// A picture by components, and what it took.
@@ -44,6 +45,8 @@ pub(crate) struct AdaptiveLayers {
 pub(crate) struct Progress<'a> {
     console: &'a Console,
     interrupt: &'a Interrupt,
+    /// Where finished work is kept.
+    pub(crate) resume: Resume,
 }
 
 impl Progress<'_> {
@@ -73,7 +76,7 @@ impl Progress<'_> {
 /// Whatever went wrong, in words for the user.
 pub fn render(args: &Args) -> anyhow::Result<()> {
     let clock = Clock::start();
-    let interrupt = Interrupt::listen("render-cached", "no picture was written");
+    let interrupt = Interrupt::listen("render-cached", NOTHING_WRITTEN);
     let pool = check(args)?;
     pool.install(|| render_in_pool(args, &interrupt, clock)).map_err(|e| interrupt.explain(e))
 }
@@ -126,7 +129,6 @@ fn check_memory(size: ImageSize) -> anyhow::Result<()> {
 
 fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyhow::Result<()> {
     let console = Console::new("render-cached", &args.common);
-    let progress = Progress { console: &console, interrupt };
     let (Some(scene_path), Some(photons_path)) = (&args.scene, &args.photons) else {
         bail!(WrongUsage("a scene and its photon maps are needed".into()));
     };
@@ -150,6 +152,8 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         photons::open(photons_path, scene_path, &args.scene_options, &scene)?;
     let settings = settings(args, scene.bounds().diagonal());
     let inputs = inputs(&scene, &photons, &settings);
+    let resume = Resume::open(args, &inputs, &console, interrupt)?;
+    let progress = Progress { console: &console, interrupt, resume };
     let load = clock.lap();
     interrupt.check()?;
     for (class, set) in photons.sets() {
@@ -185,6 +189,7 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     health::check(&rendered.values, args.supersample)?;
     photons_file.check_untouched()?;
     output::write(args, &frame, &rendered, &inputs, interrupt)?;
+    progress.resume.done();
     let write = clock.lap();
 
     let stages = stats::Stages { load, primary, write, total: clock.total() };

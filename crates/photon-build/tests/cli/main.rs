@@ -8,5 +8,6 @@ mod damage;
 mod endings;
 mod maps;
 mod outputs;
+mod resume;
 mod shards;
 mod usage;

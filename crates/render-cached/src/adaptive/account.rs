@@ -1,6 +1,6 @@
 //! Who did what, and how long it took.
 
-use base::{Component, Components, Grid, Interrupted, Pixel, Rgb};
+use base::{Component, Components, Grid, Interrupted, Pixel, Rgb, Watch};
 use cache_map::{Origin, Reason};
 use cli::{Clock, Seconds};
 use serde::Serialize;
@@ -8,6 +8,7 @@ use shade::{Counts, PixelStream, ShadingPoint, Work};
 
 use crate::frame::{Frame, for_each};
 use crate::render::{AdaptiveLayers, Progress, Rendered};
+use crate::resume::Piece;
 
 /// The error aimed at and reached.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -43,7 +44,7 @@ impl<'x, 'a> Account<'x, 'a> {
     }
 
     /// `f` of the surface points of some pixels, booked to a component.
-    pub(crate) fn pixels<T: Default + Send>(
+    pub(crate) fn pixels<T: Default + Piece>(
         &mut self,
         component: Component,
         pixels: &[Pixel],
@@ -54,15 +55,36 @@ impl<'x, 'a> Account<'x, 'a> {
     }
 
     /// `f` of some items, booked to a component.
-    pub(crate) fn items<I: Sync, T: Send>(
+    pub(crate) fn items<I: Sync, T: Piece>(
         &mut self,
         component: Component,
         items: &[I],
         f: impl Fn(&I, &mut Work) -> T + Sync,
     ) -> Result<Vec<T>, Interrupted> {
+        let resume = &self.progress.resume;
+        self.booked(component, items, |watch| {
+            resume.chunks(items, watch, |items| for_each(items, watch, &f))
+        })
+    }
+
+    /// As [`Account::items`], of what is too long for a journal.
+    pub(crate) fn fleeting<I: Sync, T: Send>(
+        &mut self,
+        component: Component,
+        items: &[I],
+        f: impl Fn(&I, &mut Work) -> T + Sync,
+    ) -> Result<Vec<T>, Interrupted> {
+        self.booked(component, items, |watch| for_each(items, watch, f))
+    }
+
+    fn booked<I, T>(
+        &mut self,
+        component: Component,
+        items: &[I],
+        work: impl FnOnce(Watch<'_>) -> Result<(Vec<T>, Counts), Interrupted>,
+    ) -> Result<Vec<T>, Interrupted> {
         self.cache += self.clock.lap();
-        let (values, counts) =
-            self.progress.run(component.name(), items.len(), |watch| for_each(items, watch, f))?;
+        let (values, counts) = self.progress.run(component.name(), items.len(), work)?;
         self.counts += counts;
         self.seconds[component] += self.clock.lap();
         Ok(values)
@@ -76,6 +98,20 @@ impl<'x, 'a> Account<'x, 'a> {
     ) -> Result<Vec<T>, Interrupted> {
         let (values, counts) =
             self.progress.run("cache", items.len(), |watch| for_each(items, watch, f))?;
+        self.counts += counts;
+        Ok(values)
+    }
+
+    /// As [`Account::overhead`], of what is worth a journal.
+    pub(crate) fn probe<I: Sync, T: Piece>(
+        &mut self,
+        items: &[I],
+        f: impl Fn(&I, &mut Work) -> T + Sync,
+    ) -> Result<Vec<T>, Interrupted> {
+        let resume = &self.progress.resume;
+        let (values, counts) = self.progress.run("cache", items.len(), |watch| {
+            resume.chunks(items, watch, |items| for_each(items, watch, &f))
+        })?;
         self.counts += counts;
         Ok(values)
     }

@@ -36,7 +36,7 @@ impl HeldOut {
         let frame = account.frame;
         let shader = frame.shader();
         let pixels = choose(frame.size(), args.supersample, args.seed);
-        let truth = account.overhead(&pixels, |&pixel, work| {
+        let truth = account.probe(&pixels, |&pixel, work| {
             frame.at(pixel, work, |point, stream, work| {
                 let values = Components {
                     direct: shader.direct(point, stream, work),

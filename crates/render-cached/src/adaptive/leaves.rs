@@ -114,7 +114,7 @@ impl Leaves {
         let pixels: Vec<Pixel> = frame.pixels_that_show(is_sharp).collect();
         // Some pixels at a time share their vectors: one for each would be as long as chains rarely are.
         let groups: Vec<&[Pixel]> = pixels.chunks(TOGETHER).collect();
-        let chains = account.items(Component::Specular, &groups, |group, work| {
+        let chains = account.fleeting(Component::Specular, &groups, |group, work| {
             let (mut shown, mut leaves) = (Vec::with_capacity(group.len()), Vec::new());
             for &pixel in *group {
                 let mut is_glossy = false;

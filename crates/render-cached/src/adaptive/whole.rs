@@ -33,7 +33,7 @@ pub(crate) fn cache_pays(account: &mut Account<'_, '_>) -> Result<bool, Interrup
     let some: Vec<_> = frame.pixels_that_show(|_| true).step_by(n_pixels / PROBES).collect();
     let shader = frame.shader();
     let before = account.counts();
-    account.overhead(&some, |&pixel, work| {
+    account.probe(&some, |&pixel, work| {
         frame.at(pixel, work, |point, stream, work| {
             let _ = shader.direct(point, stream, work);
             let _ = shader.indirect(point, work);

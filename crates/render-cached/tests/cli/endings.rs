@@ -42,7 +42,7 @@ fn interrupts_leave_nothing() {
     bench.write("old.exr", "precious");
     let before = bench.files();
     // Hours of work, of which single pixels take long.
-    let long = "scene.toml --photons a.photons --resolution 1000x1000 --shadow-rays 65536 -o old.exr -o a.png --force -v";
+    let long = "scene.toml --photons a.photons --resolution 1000x1000 --shadow-rays 65536 -o old.exr -o a.png --force -v --checkpoint 0";
     for mode in MODES {
         let mut child = bench
             .command(&format!("{long} --mode {mode} --stats a.json"))
@@ -60,7 +60,7 @@ fn interrupts_leave_nothing() {
         let elapsed = start.elapsed();
         assert_eq!(status.code(), Some(130), "{mode}");
         assert_eq!(said.last().unwrap(), "render-cached: no picture was written: interrupted");
-        assert!(elapsed < Duration::from_secs(1), "{mode}: {elapsed:?}");
+        assert!(elapsed < Duration::from_secs(2), "{mode}: {elapsed:?}");
         assert!(bench.files() == before, "{mode}");
     }
 }
@@ -72,7 +72,7 @@ fn an_end_is_heard_while_a_picture_is_written() {
     let before = bench.files();
     let large = "scene.toml --photons a.photons --mode original --resolution 1400x1400 --shadow-rays 1 --gather 2";
     let mut child = bench
-        .command(&format!("{large} --caustic-gather 2 -o a.exr --force -q"))
+        .command(&format!("{large} --caustic-gather 2 -o a.exr --force -q --checkpoint 0"))
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
@@ -89,7 +89,8 @@ fn an_end_is_heard_while_a_picture_is_written() {
     assert_eq!(output.status.code(), Some(130));
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.ends_with("render-cached: no picture was written: interrupted\n"), "{said}");
-    assert!(elapsed < Duration::from_millis(1200), "{elapsed:?}");
+    // Half a second on a machine with nothing else to do.
+    assert!(elapsed < Duration::from_secs(3), "{elapsed:?}");
     assert!(bench.files() == before);
 }
 

@@ -15,5 +15,6 @@ mod mitsuba;
 mod outputs;
 mod pictures;
 mod records;
+mod resume;
 mod supersample;
 mod usage;

@@ -1,0 +1,88 @@
+//! `--resume`: batches of photons in a journal.
+
+use base::{Photon, Rgb};
+use cli::Journal;
+use photon_trace::{Account, Energy, Keeper, Traced};
+
+/// Numbers before the photons of a piece.
+const WORDS: usize = 13;
+
+/// Bytes of a photon.
+const PHOTON: usize = 26;
+
+/// Calls `trace` with a keeper that finds batches in a journal, and keeps them there.
+pub(crate) fn with_keeper<T>(journal: &Journal, trace: impl FnOnce(&Keeper<'_>) -> T) -> T {
+    let number = |batch: u64| u32::try_from(batch).ok();
+    trace(&Keeper {
+        find: &|batch, n| decode(&journal.get(0, number(batch)?)?, n),
+        keep: &|batch, traced| {
+            if let Some(number) = number(batch) {
+                journal.put(0, number, &encode(traced));
+            }
+        },
+    })
+}
+
+fn encode(traced: &Traced) -> Vec<u8> {
+    let Account { emitted, absorbed, escaped, cut, rays, energy: e, .. } = traced.account;
+    let sets = [&traced.direct, &traced.caustic, &traced.indirect];
+    let watts = [e.emitted, e.absorbed, e.escaped, e.cut, e.gained].map(f64::to_bits);
+    let lens = sets.map(|set| set.len() as u64);
+    let words = [emitted, absorbed, escaped, cut, rays].into_iter().chain(watts).chain(lens);
+    let n: usize = sets.iter().map(|set| set.len()).sum();
+    let mut bytes = Vec::with_capacity(WORDS * 8 + n * PHOTON);
+    bytes.extend(words.flat_map(u64::to_le_bytes));
+    for Photon { position: p, normal, flux } in sets.into_iter().flatten() {
+        bytes
+            .extend([p.x, p.y, p.z, flux.r, flux.g, flux.b].into_iter().flat_map(f32::to_le_bytes));
+        bytes.extend(normal.to_le_bytes());
+    }
+    bytes
+}
+
+/// The batch, if these are the bytes of one that emits `n` photons. A journal may come from anywhere.
+fn decode(bytes: &[u8], n: u64) -> Option<Traced> {
+    let (words, photons) = bytes.split_at_checked(WORDS * 8)?;
+    let words: Vec<u64> =
+        words.as_chunks().0.iter().map(|&word| u64::from_le_bytes(word)).collect();
+    let watt = |i: usize| f64::from_bits(words[i]);
+    let account = Account {
+        emitted: words[0],
+        absorbed: words[1],
+        escaped: words[2],
+        cut: words[3],
+        rays: words[4],
+        flux: Rgb::BLACK,
+        energy: Energy {
+            emitted: watt(5),
+            absorbed: watt(6),
+            escaped: watt(7),
+            cut: watt(8),
+            gained: watt(9),
+        },
+    };
+    let (photons, []) = photons.as_chunks::<PHOTON>() else { return None };
+    let lens = [10, 11, 12].map(|i| usize::try_from(words[i]).unwrap_or(usize::MAX));
+    let total = lens.into_iter().try_fold(0_usize, usize::checked_add);
+    if account.emitted != n || total != Some(photons.len()) {
+        return None;
+    }
+    let all: Vec<Photon> = photons.iter().map(photon).collect();
+    let (direct, rest) = all.split_at(lens[0]);
+    let (caustic, indirect) = rest.split_at(lens[1]);
+    Some(Traced {
+        direct: direct.to_vec(),
+        caustic: caustic.to_vec(),
+        indirect: indirect.to_vec(),
+        account,
+    })
+}
+
+fn photon(bytes: &[u8; PHOTON]) -> Photon {
+    let float = |i: usize| f32::from_le_bytes([0, 1, 2, 3].map(|k| bytes[4 * i + k]));
+    Photon {
+        position: [float(0), float(1), float(2)].into(),
+        normal: u16::from_le_bytes([bytes[24], bytes[25]]),
+        flux: Rgb::new(float(3), float(4), float(5)),
+    }
+}
