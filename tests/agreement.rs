@@ -48,6 +48,15 @@ pub(crate) struct Case {
 
 /// Asserts that both pictures of a scene are the same: their emission, each component, and the sum.
 pub(crate) fn assert_agreement(case: &Case) {
+    assert_agreement_of(case, &rendering);
+}
+
+/// The same with indirect light by final gathering, of so many rays at each point.
+pub(crate) fn assert_agreement_of_gathering(case: &Case, rays: u32) {
+    assert_agreement_of(case, &|case, scene, seed| gathered(case, scene, seed, rays));
+}
+
+fn assert_agreement_of(case: &Case, rendering: &dyn Fn(&Case, &Scene, u64) -> Rendering) {
     let scene = Scene::assemble(case.parts.clone());
     let reference = path_tracer::render(&case.parts, &scene, SIZE, case.samples_per_pixel, 1);
     let renderings: Vec<Rendering> =
@@ -81,13 +90,23 @@ pub(crate) fn assert_agreement(case: &Case) {
 
 fn rendering(case: &Case, scene: &Scene, seed: u64) -> Rendering {
     let maps = renderer::photons(scene, case.photons / u64::from(N_RENDERINGS), seed);
+    renderer::original(&Shader::new(scene, &maps, settings(case, seed)), SIZE)
+}
+
+fn gathered(case: &Case, scene: &Scene, seed: u64, rays: u32) -> Rendering {
+    let maps = renderer::photons_for_gathering(scene, case.photons / u64::from(N_RENDERINGS), seed);
+    let mut settings = settings(case, seed);
+    // Few photons in each radius, in each of many renderings, would make what is known ahead too dark.
+    settings.indirect.max_radius *= 4.0;
+    renderer::original(&renderer::gathering(scene, &maps, settings, rays), SIZE)
+}
+
+fn settings(case: &Case, seed: u64) -> Settings {
     // More photons than there are: so the radius is the same everywhere, and the mean of many renderings is that of one
     // with all their photons.
     let gather =
         Gather { k: usize::MAX / 8, max_radius: case.radius, kernel: Kernel::Epanechnikov };
-    let settings =
-        Settings { shadow_rays: 16, glossy_rays: 4, indirect: gather, caustic: gather, seed };
-    renderer::original(&Shader::new(scene, &maps, settings), SIZE)
+    Settings { shadow_rays: 16, glossy_rays: 4, indirect: gather, caustic: gather, seed }
 }
 
 fn view(rendering: &Rendering, component: Option<Component>) -> Grid<Rgb> {

@@ -28,6 +28,7 @@ fn photons(normal: Vec3A, covered: impl Fn(Vec3A) -> bool) -> PhotonMaps {
         direct: None,
         caustic: PhotonSet::build(&[]),
         indirect: PhotonSet::build(&photons),
+        focused: None,
     }
 }
 
@@ -95,6 +96,15 @@ fn tiles() {
         }
     }
     assert_even("tiles", &parts, Vec3A::Y, NOWHERE);
+}
+
+/// A smaller square floats right above the larger one, as a lamp under a ceiling: photons fall on it instead.
+#[test]
+fn a_plate_above_a_floor() {
+    let mut parts = with_mesh(quad(Vec3::ZERO, Vec3::Z, Vec3::X));
+    let plate = quad(Vec3::new(0.53, 1e-4, 0.53), Vec3::Z * 0.37, Vec3::X * 0.37);
+    add_mesh(&mut parts, plate, diffuse(Rgb::ONE));
+    assert_even("floor", &parts, Vec3A::Y, NOWHERE);
 }
 
 /// A box stands on the square: no photons fall on what it covers.

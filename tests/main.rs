@@ -6,8 +6,10 @@
 mod adaptive;
 mod agreement;
 mod architecture;
+mod convergence;
 mod edges;
 mod furnace;
+mod gathering;
 mod passes;
 mod path_tracer;
 mod renderer;

@@ -23,6 +23,7 @@ fn photons(scene: &Scene) -> PhotonMaps {
         direct: None,
         caustic: PhotonSet::build(&traced.caustic),
         indirect: PhotonSet::build(&traced.indirect),
+        focused: None,
     }
 }
 

@@ -3,10 +3,11 @@
 use base::{Component, Components, Grid, ImageSize, Rgb, Rng, Stream};
 use glam::Vec2;
 use photon_map::{Metadata, PhotonMaps, PhotonSet};
-use photon_trace::{Budget, Config};
+use photon_trace::{Budget, Config, Traced};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use rayon::slice::ParallelSlice;
 use scene::Scene;
-use shade::{PixelStream, Shader, Work};
+use shade::{GatherPhotons, GatherPlace, IrradianceAhead, PixelStream, Settings, Shader, Work};
 
 /// A picture by terms of Eq. (8).
 #[derive(Debug)]
@@ -28,15 +29,52 @@ impl Rendering {
 
 /// Pass 1.
 pub(crate) fn photons(scene: &Scene, n_photons: u64, seed: u64) -> PhotonMaps {
+    maps(&traced(scene, n_photons, seed, false))
+}
+
+/// Pass 1 with all that final gathering needs.
+pub(crate) fn photons_for_gathering(scene: &Scene, n_photons: u64, seed: u64) -> PhotonMaps {
+    let traced = traced(scene, n_photons, seed, true);
+    PhotonMaps {
+        direct: Some(PhotonSet::build(&traced.direct)),
+        focused: Some(PhotonSet::build(&traced.focused)),
+        ..maps(&traced)
+    }
+}
+
+/// Shading by final gathering, with so many rays at each point.
+pub(crate) fn gathering<'a>(
+    scene: &'a Scene,
+    maps: &'a PhotonMaps,
+    settings: Settings,
+    rays: u32,
+) -> Shader<'a> {
+    let photons = GatherPhotons::of(maps).unwrap();
+    let shader = Shader::new(scene, maps, settings);
+    let places = photons.places();
+    let chunk = |places: &[GatherPlace]| -> Vec<IrradianceAhead> {
+        let mut work = Work::default();
+        places.iter().map(|place| shader.irradiance_ahead(&photons, place, &mut work)).collect()
+    };
+    let irradiance = places.par_chunks(512).map(chunk).collect::<Vec<_>>().concat();
+    shader.gathering(rays, photons, &places, &irradiance)
+}
+
+fn traced(scene: &Scene, n_photons: u64, seed: u64, store_direct: bool) -> Traced {
     let budget = Budget::Total(n_photons);
-    let config = Config { budget, seed, max_bounces: 1000, store_direct: false, aim: 0.0 };
+    let config = Config { budget, seed, max_bounces: 1000, store_direct, aim: 0.0 };
     let traced = photon_trace::trace(scene, &config, &|_| true).expect("nobody interrupts");
     assert_eq!(traced.account.cut, 0, "photons were cut");
+    traced
+}
+
+fn maps(traced: &Traced) -> PhotonMaps {
     PhotonMaps {
         metadata: Metadata::default(),
         direct: None,
         caustic: PhotonSet::build(&traced.caustic),
         indirect: PhotonSet::build(&traced.indirect),
+        focused: None,
     }
 }
 

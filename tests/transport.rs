@@ -12,7 +12,7 @@ use crate::scenes::{
     mirror, pane, quad, room, smooth_ball,
 };
 
-fn from_file(name: &str) -> Parts {
+pub(crate) fn from_file(name: &str) -> Parts {
     let path: PathBuf =
         [env!("CARGO_MANIFEST_DIR"), "..", "scenes", name, "scene.toml"].iter().collect();
     let options = scene::Options { definitions: Vec::new(), lenient: false };

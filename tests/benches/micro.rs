@@ -252,6 +252,7 @@ fn save(path: &Path, field: &Field) {
         direct: None,
         caustic: PhotonSet::build(&[]),
         indirect: field.set().clone(),
+        focused: None,
     };
     maps.save(path, Existing::Refuse, "bench", "bench").expect("the folder is new and empty");
 }

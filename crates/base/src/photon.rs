@@ -24,11 +24,14 @@ pub enum PhotonClass {
     Caustic,
     /// At least one diffuse bounce, whatever else.
     Indirect,
+    /// Those of class indirect whose last bounce was specular (L (S|D)* D S+ D), once more: only final gathering asks for
+    /// them.
+    Focused,
 }
 
 impl PhotonClass {
-    /// All three, in order.
-    pub const ALL: [Self; 3] = [Self::Direct, Self::Caustic, Self::Indirect];
+    /// All, in order.
+    pub const ALL: [Self; 4] = [Self::Direct, Self::Caustic, Self::Indirect, Self::Focused];
 
     /// The name used in files and statistics.
     pub const fn name(self) -> &'static str {
@@ -36,6 +39,7 @@ impl PhotonClass {
             Self::Direct => "direct",
             Self::Caustic => "caustic",
             Self::Indirect => "indirect",
+            Self::Focused => "focused",
         }
     }
 }

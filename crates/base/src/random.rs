@@ -38,6 +38,8 @@ pub enum Stream {
     Lens = 12,
     /// Rays that look for what photons are aimed at, and the starts of aimed photons.
     Aim = 13,
+    /// Directions of final gathering, and what lies behind them.
+    Gather = 14,
 }
 
 /// Mixes two 64-bit values into one, by two rounds of the finalizer of `SplitMix64` (Steele et al. 2014).

@@ -70,6 +70,8 @@ fn parse_aim(text: &str) -> Result<f32, String> {
 pub enum Store {
     /// Photons straight from the lights
     Direct,
+    /// Those, and what else render-cached needs for --indirect gather
+    Gather,
 }
 
 /// What else the program does.

@@ -54,7 +54,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
         budget,
         seed: args.seed,
         max_bounces: args.max_bounces,
-        store_direct: args.store.contains(&Store::Direct),
+        store_direct: !args.store.is_empty(),
         aim: args.aim,
     };
     let command = remedy(args, scene_path, args.shard);
@@ -72,6 +72,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
     let trace = clock.lap();
 
     let metadata = metadata(&scene, &config, &traced.account);
+    let stores_focused = args.store.contains(&Store::Gather);
     let command_of_all = remedy(args, scene_path, None);
     let (written, tree) = match args.shard {
         Some(share) => {
@@ -82,6 +83,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
                 emitted_by_light,
                 stores_direct: config.store_direct,
                 aim: config.aim,
+                stores_focused,
                 made_by: MADE_BY.into(),
                 command_of_all,
             };
@@ -91,7 +93,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
             (written, Seconds::default())
         }
         None => {
-            let maps = pool.install(|| maps(metadata, &config, traced))?;
+            let maps = pool.install(|| maps(metadata, &config, stores_focused, traced))?;
             let tree = clock.lap();
             interrupt.check()?;
             let file_bytes = maps.save(output, args.common.existing(), MADE_BY, &command_of_all)?;
@@ -222,7 +224,12 @@ fn metadata(scene: &Scene, config: &Config, account: &Account) -> Metadata {
     }
 }
 
-fn maps(metadata: Metadata, config: &Config, traced: Traced) -> anyhow::Result<PhotonMaps> {
+fn maps(
+    metadata: Metadata,
+    config: &Config,
+    stores_focused: bool,
+    traced: Traced,
+) -> anyhow::Result<PhotonMaps> {
     let sets = [&traced.direct, &traced.caustic, &traced.indirect];
     if let Some(n) = sets.map(Vec::len).into_iter().find(|&n| n as u64 > MOST_PHOTONS) {
         bail!("{n} photons of a class are more than {MOST_PHOTONS}; ask for fewer");
@@ -237,7 +244,8 @@ fn maps(metadata: Metadata, config: &Config, traced: Traced) -> anyhow::Result<P
     let direct = config.store_direct.then(|| set(traced.direct));
     let caustic = set(traced.caustic);
     let indirect = set(traced.indirect);
-    Ok(PhotonMaps { metadata, direct, caustic, indirect })
+    let focused = stores_focused.then(|| set(traced.focused));
+    Ok(PhotonMaps { metadata, direct, caustic, indirect, focused })
 }
 
 /// The command that makes the map anew, with `{file}` for its name; only what decides its contents.
@@ -253,7 +261,9 @@ fn remedy(args: &Args, scene: &Path, shard: Option<Share>) -> String {
     if args.aim > 0.0 {
         option("--aim", args.aim.to_string());
     }
-    if args.store.contains(&Store::Direct) {
+    if args.store.contains(&Store::Gather) {
+        option("--store", "gather".into());
+    } else if args.store.contains(&Store::Direct) {
         option("--store", "direct".into());
     }
     words.extend(args.scene_options.words().into_iter().map(Into::into));

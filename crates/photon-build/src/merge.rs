@@ -113,7 +113,10 @@ fn check_kin(first: &Opened<'_>, this: &Opened<'_>) -> anyhow::Result<()> {
         (a_scene != b_scene, format!("the scene ({})", b_scene.changes(a_scene).join(", "))),
         (a.metadata.seed != b.metadata.seed, "--seed".into()),
         (a.metadata.max_bounces != b.metadata.max_bounces, "--max-bounces".into()),
-        (a.stores_direct != b.stores_direct, "--store".into()),
+        (
+            (a.stores_direct, a.stores_focused) != (b.stores_direct, b.stores_focused),
+            "--store".into(),
+        ),
         (a.aim.to_bits() != b.aim.to_bits(), "--aim".into()),
         (a.emitted_by_light != b.emitted_by_light, "the number of photons".into()),
         (a.metadata.flux != b.metadata.flux, "the flux of the lights".into()),

@@ -20,10 +20,17 @@ pub(crate) fn save(
     traced: Traced,
     command: &str,
 ) -> anyhow::Result<Written> {
-    let photons = [traced.direct, traced.caustic, traced.indirect];
-    let (metadata, stores_direct) = (about.metadata.clone(), about.stores_direct);
+    let ShardMetadata { stores_direct, stores_focused, .. } = about;
+    let metadata = about.metadata.clone();
+    let focused = if stores_focused { traced.focused } else { Vec::new() };
+    let photons = [traced.direct, traced.caustic, traced.indirect, focused];
     let stored = PhotonClass::ALL.map(|class| {
-        (class != PhotonClass::Direct || stores_direct).then_some(photons[class as usize].len())
+        let is_stored = match class {
+            PhotonClass::Direct => stores_direct,
+            PhotonClass::Caustic | PhotonClass::Indirect => true,
+            PhotonClass::Focused => stores_focused,
+        };
+        is_stored.then_some(photons[class as usize].len())
     });
     let n_bytes = photons.iter().map(|photons| size_of_val(photons.as_slice())).sum();
     let file_bytes = photon_map::save_shard(path, existing, about, photons, command)?;

@@ -25,7 +25,7 @@ pub(crate) struct Written {
     /// Of maps; shards have none.
     pub(crate) fingerprint: Option<Fingerprint>,
     /// Photons by class, in the order of [`PhotonClass::ALL`]; nothing for a class that isn't stored.
-    pub(crate) stored: [Option<usize>; 3],
+    pub(crate) stored: [Option<usize>; PhotonClass::ALL.len()],
     /// What the photons take.
     pub(crate) n_bytes: usize,
     pub(crate) file_bytes: u64,
@@ -34,7 +34,7 @@ pub(crate) struct Written {
 impl Written {
     /// Maps that were written to a file of so many bytes.
     pub(crate) fn maps(maps: &PhotonMaps, file_bytes: u64) -> Self {
-        let mut stored = [None; 3];
+        let mut stored = [None; PhotonClass::ALL.len()];
         maps.sets().for_each(|(class, set)| stored[class as usize] = Some(set.len()));
         Self {
             metadata: maps.metadata.clone(),
@@ -74,6 +74,7 @@ struct Stored {
     direct: usize,
     caustic: usize,
     indirect: usize,
+    focused: usize,
 }
 
 #[derive(Debug, Serialize)]
@@ -111,6 +112,7 @@ impl Stats {
                 direct: stored(PhotonClass::Direct),
                 caustic: stored(PhotonClass::Caustic),
                 indirect: stored(PhotonClass::Indirect),
+                focused: stored(PhotonClass::Focused),
             },
             absorbed: metadata.absorbed,
             escaped: metadata.escaped,

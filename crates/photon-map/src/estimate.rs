@@ -160,6 +160,42 @@ impl PhotonSet {
         all
     }
 
+    /// Calls `f` for each photon that an estimate within `radius` counts, with its squared distance and its number.
+    pub fn each_within(
+        &self,
+        point: Vec3A,
+        normal: Vec3A,
+        radius: f32,
+        mut f: impl FnMut(f32, usize),
+    ) {
+        self.accept(point, normal, (radius * radius).next_down(), |photons| {
+            for (&dist2, &lane) in photons.dist2.iter().zip(photons.lanes) {
+                f(dist2, photons.leaf * LEAF + lane as usize);
+            }
+            None
+        });
+    }
+
+    /// The nearest photon that the estimate counts, if one lies nearer than `max_radius`.
+    pub fn nearest_one(&self, point: Vec3A, normal: Vec3A, max_radius: f32) -> Option<usize> {
+        let mut found = None;
+        self.walk(point, max_radius * max_radius, |leaf, mut bound2| {
+            let n = LEAF.min(self.n - leaf * LEAF);
+            let dist2 = self.boxes[leaf].distances(&self.leaves[leaf], point, normal);
+            for (lane, &dist2) in dist2[..n].iter().enumerate() {
+                let is_facing = || {
+                    let code = self.leaves[leaf].normals[lane];
+                    decode_octahedral(code).dot(normal) > MIN_COS_NORMALS
+                };
+                if dist2 < bound2 && is_facing() {
+                    (bound2, found) = (dist2, Some(leaf * LEAF + lane));
+                }
+            }
+            bound2
+        });
+        found
+    }
+
     /// Collects the candidates within a distance, or at least the nearest `k` of them, in the order of the walk.
     fn collect(
         &self,

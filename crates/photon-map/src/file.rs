@@ -63,6 +63,8 @@ pub struct PhotonMaps {
     pub caustic: PhotonSet,
     /// Photons that were scattered diffusely.
     pub indirect: PhotonSet,
+    /// Those of them whose last bounce was specular, if they were stored.
+    pub focused: Option<PhotonSet>,
 }
 
 /// The arrays of a set, in the order in which they are written.
@@ -79,6 +81,7 @@ impl PhotonMaps {
             (PhotonClass::Direct, self.direct.as_ref()),
             (PhotonClass::Caustic, Some(&self.caustic)),
             (PhotonClass::Indirect, Some(&self.indirect)),
+            (PhotonClass::Focused, self.focused.as_ref()),
         ];
         sets.into_iter().filter_map(|(class, set)| Some((class, set?)))
     }
@@ -169,6 +172,7 @@ impl PhotonMaps {
             direct: set(PhotonClass::Direct)?,
             caustic: required(PhotonClass::Caustic)?,
             indirect: required(PhotonClass::Indirect)?,
+            focused: set(PhotonClass::Focused)?,
             metadata,
         };
         Ok((maps, file))

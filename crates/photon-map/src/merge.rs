@@ -28,7 +28,9 @@ pub fn merge(shards: &[PhotonShard]) -> PhotonMaps {
     let direct = stores_direct.then(|| set(shards, PhotonClass::Direct));
     let caustic = set(shards, PhotonClass::Caustic);
     let indirect = set(shards, PhotonClass::Indirect);
-    PhotonMaps { metadata, direct, caustic, indirect }
+    let stores_focused = shards[0].about.stores_focused;
+    let focused = stores_focused.then(|| set(shards, PhotonClass::Focused));
+    PhotonMaps { metadata, direct, caustic, indirect, focused }
 }
 
 fn set(shards: &[PhotonShard], class: PhotonClass) -> PhotonSet {

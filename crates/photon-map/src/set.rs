@@ -102,7 +102,11 @@ impl PhotonSet {
         (leaf * LEAF..self.n.min((leaf + 1) * LEAF)).map(|i| self.photon(i).position.into())
     }
 
-    pub(crate) fn flux_of(&self, i: usize) -> Rgb {
+    /// The flux of photon `i` in the order of the tree, in watts.
+    ///
+    /// # Panics
+    /// When there is no such leaf.
+    pub fn flux_of(&self, i: usize) -> Rgb {
         flux::unpack(self.leaves[i / LEAF].flux[i % LEAF]) * self.flux_scale
     }
 

@@ -18,6 +18,9 @@ pub const SHARD_KIND: &str = "photon shard";
 /// The version of its layout.
 pub const SHARD_VERSION: u32 = 2;
 
+/// The number of classes.
+const N_CLASSES: usize = PhotonClass::ALL.len();
+
 /// What made a shard, and what it is a share of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShardMetadata {
@@ -29,6 +32,8 @@ pub struct ShardMetadata {
     pub emitted_by_light: Vec<u64>,
     /// Whether photons of class *direct* are stored.
     pub stores_direct: bool,
+    /// Whether photons of class *focused* are stored.
+    pub stores_focused: bool,
     /// Share of the photons that is aimed.
     pub aim: f32,
     /// The program that made it, with its version.
@@ -42,7 +47,7 @@ pub struct ShardMetadata {
 struct Contents {
     about: ShardMetadata,
     /// Largest channel of flux of each class, in the order of [`PhotonClass::ALL`].
-    largest: [f32; 3],
+    largest: [f32; N_CLASSES],
 }
 
 /// A photon as it lies in the file.
@@ -75,8 +80,8 @@ impl From<Landed> for Photon {
 pub struct PhotonShard {
     /// What made it.
     pub about: ShardMetadata,
-    classes: [Array<Landed>; 3],
-    pub(crate) largest: [f32; 3],
+    classes: [Array<Landed>; N_CLASSES],
+    pub(crate) largest: [f32; N_CLASSES],
 }
 
 /// Writes a share of the photons, whole or not at all; answers the size of the file in bytes. Photons are given by class,
@@ -88,10 +93,10 @@ pub fn save_shard(
     path: &Path,
     existing: Existing,
     about: ShardMetadata,
-    photons: [Vec<Photon>; 3],
+    photons: [Vec<Photon>; PhotonClass::ALL.len()],
     command: &str,
 ) -> Result<u64, Error> {
-    let largest = [0, 1, 2].map(|class| largest_flux(&photons[class]));
+    let largest = PhotonClass::ALL.map(|class| largest_flux(&photons[class as usize]));
     // A photon takes as much room either way, so this happens in place.
     let classes =
         photons.map(|photons| photons.into_iter().map(Landed::from).collect::<Vec<Landed>>());
@@ -129,8 +134,8 @@ impl PhotonShard {
         let (file, Contents { about, largest }) =
             MapFile::open::<Contents>(path, SHARD_KIND, SHARD_VERSION)?;
         let array = |class: PhotonClass| file.array::<Landed>(class.name());
-        let [direct, caustic, indirect] = PhotonClass::ALL.map(array);
-        let classes = [direct?, caustic?, indirect?];
+        let [direct, caustic, indirect, focused] = PhotonClass::ALL.map(array);
+        let classes = [direct?, caustic?, indirect?, focused?];
         for (class, (photons, &largest)) in
             PhotonClass::ALL.iter().zip(classes.iter().zip(&largest))
         {

@@ -98,6 +98,8 @@ pub struct Traced {
     pub caustic: Vec<Photon>,
     /// See [`PhotonClass::Indirect`].
     pub indirect: Vec<Photon>,
+    /// See [`PhotonClass::Focused`].
+    pub focused: Vec<Photon>,
     /// What became of all.
     pub account: Account,
 }
@@ -193,12 +195,14 @@ fn join(batches: Vec<Traced>) -> Traced {
         direct: Vec::with_capacity(len(|b| &b.direct)),
         caustic: Vec::with_capacity(len(|b| &b.caustic)),
         indirect: Vec::with_capacity(len(|b| &b.indirect)),
+        focused: Vec::with_capacity(len(|b| &b.focused)),
         account: Account::default(),
     };
     for batch in batches {
         all.direct.extend(batch.direct);
         all.caustic.extend(batch.caustic);
         all.indirect.extend(batch.indirect);
+        all.focused.extend(batch.focused);
         let (a, b) = (&mut all.account, batch.account);
         a.emitted += b.emitted;
         a.absorbed += b.absorbed;
@@ -321,6 +325,10 @@ impl<'a> Emitter<'a> {
                         out.caustic.push(Photon { flux, ..photon });
                     }
                     PhotonClass::Indirect => out.indirect.push(photon),
+                    PhotonClass::Focused => {
+                        out.indirect.push(photon);
+                        out.focused.push(photon);
+                    }
                 }
             }
 
@@ -372,9 +380,10 @@ impl<'a> Emitter<'a> {
             };
             out.account.energy.gained += watts(flux) * f64::from(scale - 1.0);
             flux = rest;
-            if class == PhotonClass::Direct {
-                class = PhotonClass::Caustic;
-            }
+            class = match class {
+                PhotonClass::Direct | PhotonClass::Caustic => PhotonClass::Caustic,
+                PhotonClass::Indirect | PhotonClass::Focused => PhotonClass::Focused,
+            };
             if bounce.transmitted && material.is_glass() {
                 medium = if inside { None } else { Some(material) };
             }

@@ -107,6 +107,12 @@ pub struct Shading {
     /// Directions in which a rough surface is followed, at the first that an eye ray meets
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub glossy_rays: u32,
+    /// How indirect light is computed
+    #[arg(long, value_enum, default_value_t = Indirect::Estimate)]
+    pub indirect: Indirect,
+    /// Rays of final gathering for each pixel, with --indirect gather
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub gather_rays: u32,
     /// Photons in an estimate of indirect light
     #[arg(long, value_name = "K", default_value = "500", value_parser = parse_k)]
     pub gather: u64,
@@ -122,6 +128,15 @@ pub struct Shading {
     /// How the weight of a photon falls with its distance
     #[arg(long, value_name = "NAME", default_value = "epanechnikov", value_parser = parse_kernel)]
     pub kernel: Kernel,
+}
+
+/// How indirect light is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Indirect {
+    /// From the density of photons around a point
+    Estimate,
+    /// By rays to what is around it, where photons tell the light; needs maps made with --store gather
+    Gather,
 }
 
 /// How pixels are interpolated, and what is kept of the computed ones.

@@ -13,7 +13,7 @@ mod render;
 mod resume;
 mod stats;
 
-pub use args::{Args, Command, Mode};
+pub use args::{Args, Command, Indirect, Mode};
 pub use render::render;
 
 /// Runs the program.

@@ -13,7 +13,7 @@ use shade::ShadingPoint;
 
 use crate::frame::Frame;
 use crate::render::Rendered;
-use crate::{Args, Mode};
+use crate::{Args, Indirect, Mode};
 
 /// The name of a component's layer.
 fn layer(component: Component) -> &'static str {
@@ -51,7 +51,13 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     option("--seed", args.seed.to_string());
     option("--shadow-rays", shading.shadow_rays.to_string());
     option("--glossy-rays", shading.glossy_rays.to_string());
-    option("--gather", shading.gather.to_string());
+    match shading.indirect {
+        Indirect::Estimate => option("--gather", shading.gather.to_string()),
+        Indirect::Gather => {
+            option("--indirect", "gather".into());
+            option("--gather-rays", shading.gather_rays.to_string());
+        }
+    }
     option("--caustic-gather", shading.caustic_gather.to_string());
     option("--kernel", shading.kernel.name().into());
     let mut length = |name: &str, value: Option<f32>| {

@@ -39,6 +39,16 @@ pub(crate) fn open(
     Ok((photons, file))
 }
 
+/// The command that makes maps anew from as many photons, with those for final gathering.
+pub(crate) fn for_gathering(
+    path: &Path,
+    scene_path: &Path,
+    scene_options: &SceneOptions,
+    photons: &PhotonMaps,
+) -> String {
+    command(scene_path, path, options(scene_options, photons, Some("gather")))
+}
+
 /// The command that makes the maps anew. That in the file won't do if they are of another scene, or were made elsewhere.
 fn remedy(
     path: &Path,
@@ -54,6 +64,20 @@ fn remedy(
     if same_options && header.command.starts_with(&start) {
         return header.remedy(path);
     }
+    let stored = match (&photons.direct, &photons.focused) {
+        (_, Some(_)) => Some("gather"),
+        (Some(_), None) => Some("direct"),
+        (None, None) => None,
+    };
+    command(scene_path, path, options(scene_options, photons, stored))
+}
+
+/// The options of a command that makes maps like these.
+fn options(
+    scene_options: &SceneOptions,
+    photons: &PhotonMaps,
+    stored: Option<&str>,
+) -> Vec<OsString> {
     let made = &photons.metadata;
     let options = [
         ("--photons", made.emitted),
@@ -64,12 +88,12 @@ fn remedy(
     for (name, value) in options {
         words.extend([name.into(), value.to_string().into()]);
     }
-    if photons.direct.is_some() {
-        words.extend(["--store".into(), "direct".into()]);
+    if let Some(class) = stored {
+        words.extend(["--store".into(), class.into()]);
     }
     words.extend(scene_options.words().into_iter().map(Into::into));
     words.push("--force".into());
-    command(scene_path, path, words)
+    words
 }
 
 fn command(scene: &Path, photons: &Path, options: impl IntoIterator<Item = OsString>) -> String {

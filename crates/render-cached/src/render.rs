@@ -10,12 +10,12 @@ use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
 use film::Format;
 use photon_map::{Gather, PhotonMaps};
 use scene::Scene;
-use shade::{Counts, Settings, Shader};
+use shade::{Counts, GatherPhotons, Settings, Shader};
 
 use crate::adaptive::{self, ErrorReport};
-use crate::frame::Frame;
+use crate::frame::{Frame, for_each};
 use crate::resume::{NOTHING_WRITTEN, Resume};
-use crate::{Args, Mode, health, original, output, paper, photons, stats};
+use crate::{Args, Indirect, Mode, health, original, output, paper, photons, stats};
 
 /// A picture by components, and what it took.
 #[derive(Debug)]
@@ -150,8 +150,15 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let args = &Args { resolution: Some(resolution), ..args.clone() };
     let (photons, photons_file) =
         photons::open(photons_path, scene_path, &args.scene_options, &scene)?;
+    if args.shading.indirect == Indirect::Gather && GatherPhotons::of(&photons).is_none() {
+        bail!(
+            "{} holds no photons for --indirect gather; make it with: {}",
+            photons_path.display(),
+            photons::for_gathering(photons_path, scene_path, &args.scene_options, &photons)
+        );
+    }
     let settings = settings(args, scene.bounds().diagonal());
-    let inputs = inputs(&scene, &photons, &settings);
+    let inputs = inputs(args, &scene, &photons, &settings);
     let resume = Resume::open(args, &inputs, &console, interrupt)?;
     let progress = Progress { console: &console, interrupt, resume };
     let load = clock.lap();
@@ -160,7 +167,8 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         console.detail(format_args!("{:>10} {} photons", set.len(), class.name()));
     }
 
-    let shader = Shader::new(&scene, &photons, settings);
+    let (shader, counts_ahead) = shader(args, &scene, &photons, settings, &progress)?;
+    let ahead = clock.lap();
     let subpixels = args.subpixels(resolution);
     let traced = progress
         .run("eye rays", subpixels.n_pixels(), |watch| Frame::trace(shader, subpixels, watch));
@@ -169,7 +177,7 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
 
     let mut rendered = match args.mode {
         Mode::Adaptive if args.error > 0.0 => {
-            let inputs = inputs_of_surfaces(&scene, &photons, &settings);
+            let inputs = inputs_of_surfaces(args, &scene, &photons, &settings);
             adaptive::render(args, &frame, &inputs, &mut clock, &progress)?
         }
         Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
@@ -179,6 +187,8 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         }
     };
     rendered.counts += eye_counts;
+    rendered.counts += counts_ahead;
+    rendered.seconds.indirect += ahead;
     if rendered.counts.chains_cut > 0 {
         let n = rendered.counts.chains_cut;
         console.warn(format_args!(
@@ -201,6 +211,31 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     Ok(())
 }
 
+/// What computes components. Irradiance for final gathering is computed ahead.
+fn shader<'a>(
+    args: &Args,
+    scene: &'a Scene,
+    photons: &'a PhotonMaps,
+    settings: Settings,
+    progress: &Progress<'_>,
+) -> anyhow::Result<(Shader<'a>, Counts)> {
+    let shader = Shader::new(scene, photons, settings);
+    match GatherPhotons::of(photons) {
+        Some(photons) if args.shading.indirect == Indirect::Gather => {
+            let places = photons.places();
+            let ahead = progress.run("irradiance", places.len(), |watch| {
+                for_each(&places, watch, |place, work| {
+                    shader.irradiance_ahead(&photons, place, work)
+                })
+            });
+            let (irradiance, counts) = ahead?;
+            let rays = args.shading.gather_rays;
+            Ok((shader.gathering(rays, photons, &places, &irradiance), counts))
+        }
+        _ => Ok((shader, Counts::default())),
+    }
+}
+
 fn settings(args: &Args, diagonal: f32) -> Settings {
     let shading = &args.shading;
     let gather = |k: u64, radius: Option<f32>, share: f32| Gather {
@@ -218,14 +253,19 @@ fn settings(args: &Args, diagonal: f32) -> Settings {
 }
 
 /// All that the value of a pixel depends on, the resolution aside.
-fn inputs(scene: &Scene, photons: &PhotonMaps, settings: &Settings) -> Inventory {
-    let mut inputs = inputs_of_surfaces(scene, photons, settings);
+fn inputs(args: &Args, scene: &Scene, photons: &PhotonMaps, settings: &Settings) -> Inventory {
+    let mut inputs = inputs_of_surfaces(args, scene, photons, settings);
     inputs.add("the camera", scene.view_fingerprint());
     inputs
 }
 
 /// All that light at a point of a surface depends on, whoever looks at it.
-fn inputs_of_surfaces(scene: &Scene, photons: &PhotonMaps, settings: &Settings) -> Inventory {
+fn inputs_of_surfaces(
+    args: &Args,
+    scene: &Scene,
+    photons: &PhotonMaps,
+    settings: &Settings,
+) -> Inventory {
     let mut inputs = scene.inventory().clone();
     let digest = |bytes: &[u8]| Fingerprint::of(bytes);
     let gather = |g: &Gather| {
@@ -237,6 +277,10 @@ fn inputs_of_surfaces(scene: &Scene, photons: &PhotonMaps, settings: &Settings) 
     inputs.add("the number of shadow rays", digest(&settings.shadow_rays.to_le_bytes()));
     inputs.add("the number of glossy rays", digest(&settings.glossy_rays.to_le_bytes()));
     inputs.add("the estimate of indirect light", gather(&settings.indirect));
+    if args.shading.indirect == Indirect::Gather {
+        let rays = args.shading.gather_rays;
+        inputs.add("the number of gather rays", digest(&rays.to_le_bytes()));
+    }
     inputs.add("the estimate of caustics", gather(&settings.caustic));
     inputs.add("the seed", digest(&settings.seed.to_le_bytes()));
     inputs

@@ -124,8 +124,9 @@ fn digest_of_header(path: &Path) -> anyhow::Result<Fingerprint> {
 }
 
 fn encode<T: Piece>((values, counts): &(Vec<T>, Counts)) -> Vec<u8> {
-    let Counts { eye_rays, specular_rays, shadow_rays, photons_visited, chains_cut } = *counts;
-    let counts = [eye_rays, specular_rays, shadow_rays, photons_visited, chains_cut];
+    let Counts { eye_rays, specular_rays, shadow_rays, gather_rays, photons_visited, chains_cut } =
+        *counts;
+    let counts = [eye_rays, specular_rays, shadow_rays, gather_rays, photons_visited, chains_cut];
     let mut bytes: Vec<u8> = counts.into_iter().flat_map(u64::to_le_bytes).collect();
     values.iter().for_each(|value| value.put(&mut bytes));
     bytes
@@ -139,6 +140,7 @@ fn decode<T: Piece>(mut bytes: &[u8], n: usize) -> Option<(Vec<T>, Counts)> {
         eye_rays: count()?,
         specular_rays: count()?,
         shadow_rays: count()?,
+        gather_rays: count()?,
         photons_visited: count()?,
         chains_cut: count()?,
     };

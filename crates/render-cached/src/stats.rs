@@ -118,7 +118,7 @@ impl Stats {
                 eye: counts.eye_rays,
                 specular: counts.specular_rays,
                 shadow: counts.shadow_rays,
-                gather: 0,
+                gather: counts.gather_rays,
             },
             photons_visited: counts.photons_visited,
             chains_cut: counts.chains_cut,
@@ -151,9 +151,9 @@ impl Stats {
         ] {
             console.detail(format_args!("{stage:>10} {cpu:8.2} CPU s"));
         }
-        let Rays { eye, specular, shadow, .. } = self.rays;
+        let Rays { eye, specular, shadow, gather } = self.rays;
         console.detail(format_args!(
-            "{eye} rays from the eye, {specular} specular, {shadow} shadow; {} photons visited",
+            "{eye} rays from the eye, {specular} specular, {shadow} shadow, {gather} gather rays; {} photons visited",
             self.photons_visited
         ));
         console.say(format_args!(

@@ -80,8 +80,11 @@ impl Shader<'_> {
         }
         // A sheet may be seen from behind: then its own triangles, which hold the point and hide a positive part, are
         // those with the other side. What else shows the other side and doesn't hold the point lies on the surface and
-        // covers it.
-        let (own, others) = (hidden.max(hidden_behind), hidden.min(hidden_behind));
+        // covers it. (What shows the same side covers it as well, but has photons in place of those it hides.)
+        let (own, others) = match hidden_behind > hidden.max(0.0) {
+            true => (hidden_behind, hidden),
+            false => (hidden, hidden_behind),
+        };
         (1.0 - own + others.min(0.0)).clamp(LEAST, 1.0)
     }
 }

@@ -6,10 +6,12 @@ use glam::{Vec2, Vec3A};
 use photon_map::{Gather, PhotonMaps};
 use scene::Scene;
 
+use crate::gather::Gathering;
 use crate::glossy::LightShares;
 use crate::{ShadingPoint, Work};
 
-/// How components are computed. All that changes a picture is here, the scene and the photons aside.
+/// How components are computed. All that changes a picture is here, the scene, the photons and [`Shader::gathering`]
+/// aside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Shadow rays for each light that isn't a point or a direction.
@@ -36,17 +38,19 @@ pub struct Shader<'a> {
     /// The points on the unit square that shadow rays use, before each pixel scrambles them.
     pub(crate) shadow_points: Vec<[u32; 2]>,
     pub(crate) light_shares: LightShares,
+    /// What indirect light is gathered from; without it, photons are counted.
+    pub(crate) gathering: Option<Gathering<'a>>,
 }
 
 impl<'a> Shader<'a> {
-    /// Gets ready to shade.
+    /// Gets ready to shade, with indirect light by density estimates.
     pub fn new(scene: &'a Scene, photons: &'a PhotonMaps, settings: Settings) -> Self {
         let sobol = OwenSobol::new(settings.seed);
         let bits = |x: f32| ((x * 16_777_216.0) as u32) << 8;
         let shadow_points =
             (0..u64::from(settings.shadow_rays)).map(|i| sobol.point::<2>(i).map(bits)).collect();
         let light_shares = LightShares::new(scene);
-        Self { scene, photons, settings, shadow_points, light_shares }
+        Self { scene, photons, settings, shadow_points, light_shares, gathering: None }
     }
 
     /// Where a ray from the eye arrives.

@@ -24,7 +24,7 @@ impl Shader<'_> {
 
     /// Irradiance of all light at the end of a chain, on the side of the surface's normals.
     ///
-    /// Glossy ends share the shadow rays of one that is seen sharply.
+    /// Glossy ends share the shadow rays and the gather rays of one that is seen sharply.
     pub fn irradiance(
         &self,
         surface: &Surface,
@@ -37,8 +37,10 @@ impl Shader<'_> {
         let direct: Rgb = (0..self.scene.lights.len())
             .map(|light| self.irradiance_by_few(light, surface, stream, rays, work))
             .sum();
-        direct
-            + self.indirect_estimate(surface, work).irradiance
-            + self.caustic_estimate(surface, work).irradiance
+        let indirect = match is_glossy {
+            true => self.indirect_by_few(surface, stream, glossy_rays, work),
+            false => self.indirect_estimate(surface, work).irradiance,
+        };
+        direct + indirect + self.caustic_estimate(surface, work).irradiance
     }
 }

@@ -2,6 +2,7 @@
 
 use std::ops::AddAssign;
 
+use base::PhotonClass;
 use glam::Vec3A;
 use photon_map::{Estimate, Scratch};
 use scene::LightSample;
@@ -15,6 +16,8 @@ pub struct Counts {
     pub specular_rays: u64,
     /// Shadow rays.
     pub shadow_rays: u64,
+    /// Rays of final gathering, and what follows from them.
+    pub gather_rays: u64,
     /// Photons whose distance from a point was computed.
     pub photons_visited: u64,
     /// Specular chains that were cut at their greatest length.
@@ -26,6 +29,7 @@ impl AddAssign for Counts {
         self.eye_rays += o.eye_rays;
         self.specular_rays += o.specular_rays;
         self.shadow_rays += o.shadow_rays;
+        self.gather_rays += o.gather_rays;
         self.photons_visited += o.photons_visited;
         self.chains_cut += o.chains_cut;
     }
@@ -40,10 +44,12 @@ pub struct Work {
     pub(crate) light_samples: Vec<LightSample>,
     pub(crate) last_indirect: LastEstimate,
     pub(crate) last_caustic: LastEstimate,
+    /// By class, of irradiance ahead.
+    pub(crate) last_ahead: [LastEstimate; PhotonClass::ALL.len()],
 }
 
 /// Where the last estimate was made and how far it reached: a guess for the next.
-#[derive(Debug, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LastEstimate {
     point: Vec3A,
     radius: f32,

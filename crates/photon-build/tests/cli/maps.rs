@@ -49,7 +49,7 @@ fn stats_keep_their_contract() {
         "absorbed bytes_per_photon cpu_seconds cut emitted escaped file_bytes fingerprint \
          peak_rss_bytes program rays scene seconds seed stored threads version"
     );
-    assert_eq!(keys(&stats["stored"]), "caustic direct indirect");
+    assert_eq!(keys(&stats["stored"]), "caustic direct focused indirect");
     for times in ["seconds", "cpu_seconds"] {
         assert_eq!(keys(&stats[times]), "bvh load total trace tree write");
         let value = |stage: &str| stats[times][stage].as_f64().unwrap();

@@ -34,7 +34,7 @@ fn wrong_command_lines_are_told_in_a_line() {
     );
     refuses(
         "scene.toml -o a.photons --store caustic",
-        "invalid value 'caustic' for '--store <CLASS>' [possible values: direct]; try --help",
+        "invalid value 'caustic' for '--store <CLASS>' [possible values: direct, gather]; try --help",
     );
     refuses(
         "scene.toml -o a.photons --seed -1",

@@ -17,7 +17,7 @@ pub(crate) fn maps(indirect: PhotonSet) -> PhotonMaps {
     metadata.inventory.add("mesh `box`", Fingerprint(7));
     metadata.emitted = 1000;
     metadata.flux = Rgb::new(1.0, 2.0, 3.0);
-    PhotonMaps { metadata, direct: None, caustic: PhotonSet::build(&[]), indirect }
+    PhotonMaps { metadata, direct: None, caustic: PhotonSet::build(&[]), indirect, focused: None }
 }
 
 fn save(maps: &PhotonMaps, path: &Path) -> Vec<u8> {
@@ -225,5 +225,8 @@ fn another_kind_of_map_is_refused() {
     std::fs::write(&path, "P6 1 1 255\n...").unwrap();
     let error = PhotonMaps::open(&path).unwrap_err().to_string();
     assert!(error.contains("a.photons"), "{error}");
-    assert_eq!(PhotonClass::ALL.map(PhotonClass::name), ["direct", "caustic", "indirect"]);
+    assert_eq!(
+        PhotonClass::ALL.map(PhotonClass::name),
+        ["direct", "caustic", "indirect", "focused"]
+    );
 }

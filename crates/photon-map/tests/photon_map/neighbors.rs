@@ -143,10 +143,42 @@ fn estimates_within_a_radius_are_sums_over_what_a_scan_finds() {
                 let what = format!("{field:?} {n} {kernel:?} at {point} within {radius}");
                 let found = set.irradiance_within(point, normal, radius, kernel);
                 assert_eq!((found.found, found.radius), (all.len(), radius), "{what}");
+                let mut each = Vec::new();
+                set.each_within(point, normal, radius, |dist2, i| each.push((dist2, i as u32)));
+                each.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                assert_eq!(each, all, "{what}");
                 assert_close(&found, sum(&set, &all, kernel, radius * radius), &what);
             }
         }
     }
+}
+
+#[test]
+fn the_nearest_one_is_the_first_that_a_scan_finds() {
+    let mut n_found = 0;
+    for field in Field::ALL {
+        for n in SIZES {
+            let photons = field.photons(n);
+            let set = PhotonSet::build(&photons);
+            let mut rng = rng(3000 + n as u64);
+            for i in 0..60 {
+                let (point, normal) = field.query(&photons, &mut rng);
+                let max_radius = [0.02, 0.3, 10.0][i % 3];
+                let all = scan(&set, point, normal, max_radius);
+                let found = set.nearest_one(point, normal, max_radius);
+                // Of photons at equal distances any will do.
+                let mut nearest = all.iter().take_while(|photon| photon.0 == all[0].0);
+                match found {
+                    None => assert_eq!(nearest.next(), None, "{field:?} {n} at {point}"),
+                    Some(i) => {
+                        assert!(nearest.any(|p| p.1 as usize == i), "{field:?} {n} at {point}");
+                    }
+                }
+                n_found += usize::from(found.is_some());
+            }
+        }
+    }
+    assert!(n_found > 2000, "{n_found}");
 }
 
 /// Photons at the distance of number `k` are more than one: `k - 1` in all are summed, no matter which.

@@ -38,6 +38,7 @@ fn from_floor_to_wall_is_indirect() {
         assert!(decode_octahedral(p.normal).z > 0.999, "{p:?}");
     }
     assert!(counts(&traced, |p| !on_wall(p))[2] > 0);
+    assert!(traced.focused.is_empty(), "{:?}", traced.focused.first());
 }
 
 /// A mirror at 45 degrees turns the beam onto a wall that it cannot reach itself.
@@ -67,6 +68,8 @@ fn from_mirror_to_wall_is_caustic() {
         // What goes back to the mirror and from there to the wall was scattered before.
         assert!(reflectance < 0.5 || !traced.indirect.is_empty());
         assert!(traced.indirect.len() < traced.caustic.len() / 2);
+        // All of it came back from the wall by the mirror.
+        assert_eq!(traced.focused, traced.indirect);
     }
 }
 

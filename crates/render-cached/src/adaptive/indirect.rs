@@ -2,6 +2,7 @@
 
 use base::{Component, Interrupted, Pixel, Rgb, math};
 use cache_map::{Layer, Nearby, Reason, RecordPoint, Records, Rule, Tolerance};
+use shade::Shader;
 
 use super::direct::Direct;
 use super::records::{Saved, Source};
@@ -11,6 +12,9 @@ use super::{Account, COARSEST, View};
 /// a picture of indirect light only, with 500 photons in an estimate, this is the mean FLIP at `s = r`. Measured on the
 /// scenes of this project.
 const FLIP_AT_RADIUS: f32 = 0.047;
+
+/// What is gathered varies over the distance of what is around: samples are this share of it apart at most.
+const SHARE_OF_DISTANCE: f32 = 0.25;
 
 /// Where all values come from records around their pixels the error grows by this share. Measured likewise.
 const ERROR_OF_NEARBY: f32 = 0.15;
@@ -110,7 +114,12 @@ impl Indirect {
 
     /// Sets the distance of samples so that the mean FLIP comes to about `error`, given how much of the picture's light is
     /// indirect.
-    pub(crate) fn aim(&mut self, view: &View, direct: &Direct, error: f32, k: usize) {
+    pub(crate) fn aim(&mut self, view: &View, direct: &Direct, error: f32, shader: &Shader<'_>) {
+        if shader.is_gathering() {
+            // Smooth: the tolerance does the rest.
+            self.share = SHARE_OF_DISTANCE;
+            return;
+        }
         let (mut indirect, mut all) = (0.0_f64, 0.0_f64);
         for i in view.coarse_pixels().into_iter().map(|p| view.size().index(p)) {
             let here = self.irradiance(i).luminance();
@@ -118,7 +127,7 @@ impl Indirect {
             all += f64::from((here + direct.luminance(i)) * view.gain(i));
         }
         let part = if all > 0.0 { (indirect / all) as f32 } else { 1.0 };
-        let noise = FLIP_AT_RADIUS * part * (500.0 / k as f32).sqrt();
+        let noise = FLIP_AT_RADIUS * part * (500.0 / shader.settings.indirect.k as f32).sqrt();
         let error = error * (1.0 - ERROR_OF_NEARBY * self.nearby);
         self.share = math::pow(error / noise.max(1e-6), 1.0 / 1.1).min(2.0);
     }

@@ -70,9 +70,11 @@ pub(crate) fn render(
             let error = error * strictness[component];
             Tolerance { error, edge: error * edge }
         };
+        // Density estimates have noise that isn't worth following; what is gathered has little.
+        let of_indirect = if frame.shader().is_gathering() { (2.0, 8.0) } else { (4.0, 20.0) };
         Components {
             direct: times(Component::Direct, 2.0, 8.0),
-            indirect: times(Component::Indirect, 4.0, 20.0),
+            indirect: times(Component::Indirect, of_indirect.0, of_indirect.1),
             specular: times(Component::Specular, 4.0, 20.0),
             caustic: times(Component::Caustic, 2.0, 8.0),
         }
@@ -85,8 +87,7 @@ pub(crate) fn render(
     let mut glossy = glossy::Glossy::start(frame, specular.glossy_pixels());
 
     direct.refine(&view, &indirect, tolerance.direct, &mut account)?;
-    let k = frame.shader().settings.indirect.k;
-    indirect.aim(&view, &direct, INDIRECT_SHARE * args.error, k);
+    indirect.aim(&view, &direct, INDIRECT_SHARE * args.error, frame.shader());
     indirect.refine(&view, &direct, tolerance.indirect, &mut account)?;
     caustic.refine(&view, &direct, &indirect, tolerance.caustic, &mut account)?;
     let held_out = HeldOut::compute(args, &mut account)?;

@@ -3,6 +3,7 @@
 use base::{Component, Components, Interrupted};
 use cache_map::Reason;
 use cli::Clock;
+use shade::Counts;
 
 use super::{Account, ErrorReport};
 use crate::Args;
@@ -42,8 +43,8 @@ pub(crate) fn cache_pays(account: &mut Account<'_, '_>) -> Result<bool, Interrup
         });
     })?;
     let counts = account.counts();
-    let rays =
-        counts.shadow_rays + counts.specular_rays - before.shadow_rays - before.specular_rays;
+    let rays_of = |c: Counts| c.shadow_rays + c.specular_rays + c.gather_rays;
+    let rays = rays_of(counts) - rays_of(before);
     let photons = counts.photons_visited - before.photons_visited;
     Ok(photons + PHOTONS_PER_RAY * rays >= LEAST_WORK * some.len() as u64)
 }

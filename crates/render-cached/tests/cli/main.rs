@@ -10,6 +10,7 @@ mod degenerate;
 mod diff;
 mod endings;
 mod faults;
+mod gather;
 mod maps;
 mod mitsuba;
 mod outputs;
