@@ -5,7 +5,7 @@ use cli::Journal;
 use photon_trace::{Account, Energy, Keeper, Traced};
 
 /// Numbers before the photons of a piece.
-const WORDS: usize = 13;
+const WORDS: usize = 14;
 
 /// Bytes of a photon.
 const PHOTON: usize = 26;
@@ -25,7 +25,7 @@ pub(crate) fn with_keeper<T>(journal: &Journal, trace: impl FnOnce(&Keeper<'_>) 
 
 fn encode(traced: &Traced) -> Vec<u8> {
     let Account { emitted, absorbed, escaped, cut, rays, energy: e, .. } = traced.account;
-    let sets = [&traced.direct, &traced.caustic, &traced.indirect];
+    let sets = [&traced.direct, &traced.caustic, &traced.indirect, &traced.focused];
     let watts = [e.emitted, e.absorbed, e.escaped, e.cut, e.gained].map(f64::to_bits);
     let lens = sets.map(|set| set.len() as u64);
     let words = [emitted, absorbed, escaped, cut, rays].into_iter().chain(watts).chain(lens);
@@ -62,18 +62,20 @@ fn decode(bytes: &[u8], n: u64) -> Option<Traced> {
         },
     };
     let (photons, []) = photons.as_chunks::<PHOTON>() else { return None };
-    let lens = [10, 11, 12].map(|i| usize::try_from(words[i]).unwrap_or(usize::MAX));
+    let lens = [10, 11, 12, 13].map(|i| usize::try_from(words[i]).unwrap_or(usize::MAX));
     let total = lens.into_iter().try_fold(0_usize, usize::checked_add);
     if account.emitted != n || total != Some(photons.len()) {
         return None;
     }
     let all: Vec<Photon> = photons.iter().map(photon).collect();
     let (direct, rest) = all.split_at(lens[0]);
-    let (caustic, indirect) = rest.split_at(lens[1]);
+    let (caustic, rest) = rest.split_at(lens[1]);
+    let (indirect, focused) = rest.split_at(lens[2]);
     Some(Traced {
         direct: direct.to_vec(),
         caustic: caustic.to_vec(),
         indirect: indirect.to_vec(),
+        focused: focused.to_vec(),
         account,
     })
 }
