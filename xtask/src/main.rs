@@ -6,6 +6,7 @@ mod programs;
 mod rabbit;
 mod stats;
 mod table;
+mod torture;
 
 use std::process::ExitCode;
 
@@ -24,6 +25,7 @@ enum Command {
     Bench(Box<bench::Args>),
     Demo(demo::Args),
     Rabbit(rabbit::Args),
+    Torture(torture::Args),
 }
 
 #[expect(clippy::print_stderr, reason = "a program says on standard error why it failed")]
@@ -32,6 +34,7 @@ fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Rabbit(args) => rabbit::run(&args),
+        Command::Torture(args) => torture::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
