@@ -21,12 +21,33 @@ pub(crate) struct Settings {
     /// Eye rays for each pixel: N x N
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub(crate) supersample: u32,
+    /// Error that mode adaptive aims at
+    #[arg(long, value_name = "E", default_value = USUAL_ERROR, value_parser = parse_error)]
+    #[serde(default = "usual_error")]
+    pub(crate) error: String,
+}
+
+/// What mode adaptive aims at when nothing is said.
+const USUAL_ERROR: &str = "0.01";
+
+fn usual_error() -> String {
+    USUAL_ERROR.into()
+}
+
+/// The text of an error, as short as it can be, so that settings are compared as numbers are.
+fn parse_error(text: &str) -> Result<String, String> {
+    let error: f32 = text.parse().map_err(|_| "not a number".to_string())?;
+    if error.is_finite() && error >= 0.0 {
+        Ok(error.to_string())
+    } else {
+        Err("must be a finite number that isn't negative".into())
+    }
 }
 
 impl Settings {
     /// Those of the tables: what the options are when nothing is said.
     pub(crate) fn usual() -> Self {
-        Self { photons: "1M".into(), shadow_rays: 64, supersample: 1 }
+        Self { photons: "1M".into(), shadow_rays: 64, supersample: 1, error: usual_error() }
     }
 
     /// The options of `render-cached`, but for those that name files, mode and size.
@@ -35,6 +56,9 @@ impl Settings {
         args.extend(["--gather".into(), GATHER.into()]);
         if self.supersample > 1 {
             args.extend(["--supersample".into(), self.supersample.to_string()]);
+        }
+        if self.error != USUAL_ERROR {
+            args.extend(["--error".into(), self.error.clone()]);
         }
         args
     }
@@ -46,6 +70,7 @@ impl Settings {
             (self.photons != usual.photons, format!("-photons-{}", self.photons)),
             (self.shadow_rays != usual.shadow_rays, format!("-shadow-rays-{}", self.shadow_rays)),
             (self.supersample != usual.supersample, format!("-supersample-{}", self.supersample)),
+            (self.error != usual.error, format!("-error-{}", self.error)),
         ];
         parts.into_iter().filter(|(is_other, _)| *is_other).map(|(_, text)| text).collect()
     }
@@ -54,7 +79,7 @@ impl Settings {
 /// As a sentence has them.
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { photons, shadow_rays, supersample } = self;
+        let Self { photons, shadow_rays, supersample, error } = self;
         let eye_rays = match supersample {
             1 => "one eye ray".into(),
             n => format!("{n}\u{d7}{n} eye rays"),
@@ -62,7 +87,11 @@ impl fmt::Display for Settings {
         write!(
             f,
             "{photons} photons a light, {eye_rays} a pixel, {shadow_rays} shadow rays a light, {GATHER} photons gathered"
-        )
+        )?;
+        match error.as_str() {
+            USUAL_ERROR => Ok(()),
+            error => write!(f, ", adaptive with --error {error}"),
+        }
     }
 }
 
@@ -88,11 +117,11 @@ mod tests {
 
     #[test]
     fn other_settings_have_another_folder_and_reach_the_program() {
-        let args = ["bench", "--shadow-rays", "256", "--supersample", "2"];
+        let args = ["bench", "--shadow-rays", "256", "--supersample", "2", "--error", "0.0150"];
         let other = Cli::try_parse_from(args).unwrap().settings;
-        assert_eq!(other.suffix(), "-shadow-rays-256-supersample-2");
-        let expected = ["--shadow-rays", "256", "--gather", "500", "--supersample", "2"];
-        assert_eq!(other.render_args(), expected);
+        assert_eq!(other.suffix(), "-shadow-rays-256-supersample-2-error-0.015");
+        let expected = "--shadow-rays 256 --gather 500 --supersample 2 --error 0.015";
+        assert_eq!(other.render_args().join(" "), expected);
         assert!(
             other.to_string().contains("2\u{d7}2 eye rays a pixel, 256 shadow rays"),
             "{other}"
