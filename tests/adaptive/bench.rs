@@ -54,22 +54,29 @@ impl Bench {
 
     /// Renders with these options besides the mode.
     pub(super) fn picture(&self, options: &str) -> Picture {
-        let (exr, maps) = (self.file("a.exr"), self.file("a.photons"));
+        self.picture_and_stats(options).0
+    }
+
+    /// The same, with what `--stats` tells.
+    fn picture_and_stats(&self, options: &str) -> (Picture, Value) {
+        let (exr, maps, stats) = (self.file("a.exr"), self.file("a.photons"), self.file("a.json"));
         let args = format!(
-            "render-cached {} --photons {maps} -o {exr} --force -q {options}",
+            "render-cached {} --photons {maps} -o {exr} --stats {stats} --force -q {options}",
             self.scene()
         );
         let args = render_cached::Args::parse_from(args.split_whitespace());
         render_cached::run(&args).unwrap();
-        film::read_exr(Path::new(&exr)).unwrap()
+        let stats = serde_json::from_slice(&fs::read(stats).unwrap()).unwrap();
+        (film::read_exr(Path::new(&exr)).unwrap(), stats)
     }
 
     /// Renders in both modes.
     pub(super) fn both(&self, options: &str) -> Pair {
-        let [adaptive, original] =
-            ["adaptive", "original"].map(|mode| self.picture(&format!("--mode {mode} {options}")));
+        let [adaptive, original] = ["adaptive", "original"]
+            .map(|mode| self.picture_and_stats(&format!("--mode {mode} {options}")));
         let scene = fs::read(&self.scene).unwrap();
-        Pair { scene, adaptive, original }
+        let stats = [adaptive.1, original.1];
+        Pair { scene, adaptive: adaptive.0, original: original.0, stats }
     }
 }
 
@@ -78,6 +85,8 @@ pub(super) struct Pair {
     scene: Vec<u8>,
     pub(super) adaptive: Picture,
     pub(super) original: Picture,
+    /// What the runs did: mode adaptive, mode original.
+    pub(super) stats: [Value; 2],
 }
 
 impl Pair {
@@ -122,9 +131,8 @@ pub(super) fn metadata(picture: &Picture) -> Value {
     serde_json::from_str(picture.metadata()).unwrap()
 }
 
-/// Rays of all kinds and photons visited.
-pub(super) fn work(picture: &Picture) -> u64 {
-    let metadata = metadata(picture);
-    let rays = ["eye", "specular", "shadow"].map(|kind| metadata["rays"][kind].as_u64().unwrap());
-    rays.into_iter().sum::<u64>() + metadata["photons_visited"].as_u64().unwrap()
+/// Rays of all kinds and photons visited, by `--stats`.
+pub(super) fn work(stats: &Value) -> u64 {
+    let rays = ["eye", "specular", "shadow"].map(|kind| stats["rays"][kind].as_u64().unwrap());
+    rays.into_iter().sum::<u64>() + stats["photons_visited"].as_u64().unwrap()
 }

@@ -25,7 +25,7 @@ fn never_more_work_than_the_original() {
         let bench = Bench::of_scene(scene, "50K");
         for side in SIDES {
             let pair = bench.both(&format!("--resolution {side}x{side} --shadow-rays 16"));
-            let (ours, theirs) = (work(&pair.adaptive), work(&pair.original));
+            let [ours, theirs] = pair.stats.each_ref().map(work);
             let share = ours as f64 / theirs as f64;
             println!("{scene}, {side}x{side}: {share:.3} of the work of mode original");
             if share > MOST {

@@ -1,6 +1,8 @@
 //! Many lights.
 
-use super::bench::{Bench, metadata};
+use serde_json::Value;
+
+use super::bench::Bench;
 
 /// A long hall seen from its end, lamps in rows close above the floor: of each a few pixels around see much.
 fn hall(n_lights: u32) -> String {
@@ -42,8 +44,8 @@ material = "white"
 fn many_lights_cost_less_than_in_the_original() {
     for n in [1, 10, 300] {
         let pair = Bench::of_text(&hall(n), "20K").both("--resolution 192x192 --shadow-rays 8");
-        let of = |p| metadata(p)["rays"]["shadow"].as_u64().unwrap();
-        let (ours, theirs) = (of(&pair.adaptive), of(&pair.original));
+        let of = |stats: &Value| stats["rays"]["shadow"].as_u64().unwrap();
+        let [ours, theirs] = pair.stats.each_ref().map(of);
         let flip = pair.difference("").flip;
         println!("{n} lights: {ours} shadow rays, {theirs} in mode original; {flip:?}");
         // Half of this is usual; lights that got a ray by chance and count for no others make it 0.017.

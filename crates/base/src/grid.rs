@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::Window;
+
 /// Width and height of a picture, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ImageSize {
@@ -60,6 +62,24 @@ impl<T> Grid<T> {
     pub fn from_values(size: ImageSize, values: Vec<T>) -> Self {
         assert_eq!(values.len(), size.n_pixels(), "a grid needs a value per pixel");
         Self { size, values }
+    }
+
+    /// The values in window `to`, of a grid that holds those in window `from`.
+    ///
+    /// # Panics
+    /// When the grid isn't of the size of `from`, or `to` doesn't lie within it.
+    pub fn cut(&self, from: Window, to: Window) -> Self
+    where
+        T: Clone,
+    {
+        assert_eq!(self.size, from.size, "a grid of the window");
+        let (x, y) = (to.corner.x - from.corner.x, to.corner.y - from.corner.y);
+        let mut values = Vec::with_capacity(to.size.n_pixels());
+        for y in y..y + to.size.height {
+            let start = self.size.index(Pixel { x, y });
+            values.extend_from_slice(&self.values[start..start + to.size.width as usize]);
+        }
+        Self::from_values(to.size, values)
     }
 
     /// Width and height.

@@ -16,6 +16,7 @@ mod share;
 mod sobol;
 pub mod warp;
 mod watch;
+mod window;
 
 pub use color::Rgb;
 pub use component::{Component, Components};
@@ -29,3 +30,4 @@ pub use ray::Ray;
 pub use share::Share;
 pub use sobol::{OwenSobol, SOBOL_DIMENSIONS};
 pub use watch::{Interrupted, Watch};
+pub use window::Window;

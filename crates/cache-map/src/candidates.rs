@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use base::{Component, ImageSize, Pixel, Rgb};
+use base::{Component, Pixel, Rgb, Window};
 
 use crate::map::{CacheMap, Origin, SurfacePoint};
 
-/// The side of a tile, in pixels.
-pub(crate) const TILE: u32 = 64;
+/// The side of a tile, in pixels. Traced pixels are candidates in their tile only.
+pub const TILE: u32 = 64;
 
 /// The pixels of one tile, in the order of rows.
 #[derive(Clone, Debug)]
@@ -17,13 +17,16 @@ pub(crate) struct Tile {
 }
 
 impl Tile {
-    /// The tiles of a picture.
-    pub(crate) fn all(size: ImageSize) -> Vec<Self> {
-        let spans = |extent: u32| {
-            (0..extent.div_ceil(TILE)).map(move |i| i * TILE..((i + 1) * TILE).min(extent))
+    /// The tiles of a picture that lie in a window, whose borders are theirs, counted from the corner of `frame`.
+    pub(crate) fn all(frame: Window, window: Window) -> Vec<Self> {
+        let spans = |start: u32, end: u32, corner: u32| {
+            (start / TILE..end.div_ceil(TILE))
+                .map(move |i| i * TILE - corner..((i + 1) * TILE).min(end) - corner)
         };
-        spans(size.height)
-            .flat_map(|y| spans(size.width).map(move |x| Self { x, y: y.clone() }))
+        let [x, end_x, y, end_y] = window.bounds();
+        let Pixel { x: corner_x, y: corner_y } = frame.corner;
+        spans(y, end_y, corner_y)
+            .flat_map(|y| spans(x, end_x, corner_x).map(move |x| Self { x, y: y.clone() }))
             .collect()
     }
 

@@ -29,6 +29,7 @@ mod refine;
 mod sampling;
 mod weight;
 
+pub use candidates::TILE;
 pub use file::{KIND, Saved, VERSION};
 pub use lattice::{Lattice, same_surface};
 pub use map::{CacheMap, Origin, SurfacePoint};
@@ -36,5 +37,5 @@ pub use plan::Thresholds;
 pub use record_file::{RECORDS_KIND, RECORDS_VERSION, RecordSet};
 pub use records::{Nearby, RecordIndex, RecordPoint, Records};
 pub use refine::{Layer, Reason, Rule, Tolerance, Trace, Value, refine};
-pub use sampling::choose_pixels;
+pub use sampling::{choose_pixels, choose_pixels_in};
 pub use weight::error_between;

@@ -1,8 +1,10 @@
 //! The cache map.
 
-use base::{Component, Components, Grid, ImageSize, Pixel, Rgb};
+use base::{Component, Components, Grid, ImageSize, Pixel, Rgb, Window};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+
+use crate::candidates::Tile;
 
 /// Where an eye ray has arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -37,6 +39,8 @@ pub struct CacheMap {
     surfaces: Grid<Option<SurfacePoint>>,
     values: Components<Grid<Rgb>>,
     origins: Components<Grid<Origin>>,
+    /// Where pixels are interpolated, or traced.
+    pub(crate) tiles: Vec<Tile>,
     /// Samples of another resolution: candidates, but no pixel's own value. Sorted by pixel, one each.
     pub(crate) borrowed: Vec<(Pixel, SurfacePoint, Components<Rgb>)>,
     /// Index into `borrowed` plus one; empty when nothing is.
@@ -46,9 +50,22 @@ pub struct CacheMap {
 impl CacheMap {
     /// A cache map without values. Pixels without a surface stay black.
     pub fn new(surfaces: Grid<Option<SurfacePoint>>) -> Self {
+        let all = Window::whole(surfaces.size());
+        Self::of_part(surfaces, all, all)
+    }
+
+    /// A cache map of the window `frame` of a picture. What lies in the window `part` of it comes out as in a map of the
+    /// whole picture; beyond, samples are taken, but nothing is interpolated or traced. The borders of the part lie at
+    /// multiples of [`TILE`](crate::TILE) or at those of the picture, and the frame reaches beyond it as far as candidates lie.
+    ///
+    /// # Panics
+    /// When there aren't as many surfaces as pixels of the frame.
+    pub fn of_part(surfaces: Grid<Option<SurfacePoint>>, frame: Window, part: Window) -> Self {
         let size = surfaces.size();
+        assert_eq!(size, frame.size, "a surface for each pixel of the frame");
         Self {
             surfaces,
+            tiles: Tile::all(frame, part),
             values: Components::from_fn(|_| Grid::from_fn(size, |_| Rgb::BLACK)),
             origins: Components::from_fn(|_| Grid::from_fn(size, |_| Origin::None)),
             borrowed: Vec::new(),

@@ -38,9 +38,8 @@ impl CacheMap {
     /// tile. Values known from a saved map are put in place instead of being traced again.
     pub fn plan(&mut self, component: Component, thresholds: &Thresholds) -> Vec<Pixel> {
         let this = &*self;
-        let chosen: Vec<Vec<Pixel>> = Tile::all(self.size())
-            .into_par_iter()
-            .map(|tile| this.plan_tile(component, thresholds, &tile))
+        let chosen: Vec<Vec<Pixel>> = (this.tiles.par_iter())
+            .map(|tile| this.plan_tile(component, thresholds, tile))
             .collect();
         let mut to_trace = chosen.concat();
         to_trace.retain(|&pixel| {
@@ -103,9 +102,8 @@ impl CacheMap {
     /// for them. Answers how many there were.
     pub fn interpolate(&mut self, component: Component, thresholds: &Thresholds) -> u64 {
         let this = &*self;
-        let tiles: Vec<Vec<(Pixel, Rgb)>> = Tile::all(self.size())
-            .into_par_iter()
-            .map(|tile| this.interpolate_tile(component, thresholds, &tile))
+        let tiles: Vec<Vec<(Pixel, Rgb)>> = (this.tiles.par_iter())
+            .map(|tile| this.interpolate_tile(component, thresholds, tile))
             .collect();
         let mut n = 0;
         for (pixel, value) in tiles.into_iter().flatten() {

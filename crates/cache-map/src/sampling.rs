@@ -1,6 +1,6 @@
 //! Which pixels are sampled at low resolution.
 
-use base::{ImageSize, Pixel, Rng, Stream};
+use base::{ImageSize, Pixel, Rng, Stream, Window};
 
 /// One random pixel in each cell of about `1 / fraction` pixels, in the order of the cells. A fraction of 1 chooses every
 /// pixel.
@@ -11,6 +11,14 @@ use base::{ImageSize, Pixel, Rng, Stream};
 /// # Panics
 /// When the fraction isn't in (0, 1].
 pub fn choose_pixels(size: ImageSize, fraction: f64, seed: u64) -> Vec<Pixel> {
+    choose_pixels_in(Window::whole(size), fraction, seed)
+}
+
+/// Those of [`choose_pixels`] of the whole picture that lie in a window, counted from its corner.
+///
+/// # Panics
+/// When the fraction isn't in (0, 1].
+pub fn choose_pixels_in(window: Window, fraction: f64, seed: u64) -> Vec<Pixel> {
     assert!(fraction > 0.0 && fraction <= 1.0, "fraction {fraction} is not in (0, 1]");
     let side = 1.0 / fraction.sqrt();
     let edges = |extent: u32| -> Vec<u32> {
@@ -21,14 +29,25 @@ pub fn choose_pixels(size: ImageSize, fraction: f64, seed: u64) -> Vec<Pixel> {
         edges.dedup();
         edges
     };
-    let (columns, rows) = (edges(size.width), edges(size.height));
+    // Cells with their places in the whole, as far as they cross the window.
+    let cells = |extent: u32, start: u32, end: u32| -> Vec<(usize, u32, u32)> {
+        let edges = edges(extent);
+        let cells = edges.windows(2).enumerate().map(|(i, edges)| (i, edges[0], edges[1]));
+        cells.filter(|&(_, low, high)| low < end && high > start).collect()
+    };
+    let [x, end_x, y, end_y] = window.bounds();
+    let columns = cells(window.whole.width, x, end_x);
+    let rows = cells(window.whole.height, y, end_y);
     let mut pixels = Vec::new();
-    for (j, y) in rows.windows(2).enumerate() {
-        for (i, x) in columns.windows(2).enumerate() {
+    for &(j, top, bottom) in &rows {
+        for &(i, left, right) in &columns {
             let mut rng = Rng::new(seed, Stream::PixelChoice, (j as u64) << 32 | i as u64);
             let mut pick =
                 |low: u32, high: u32| low + (rng.next_f32() * (high - low) as f32) as u32;
-            pixels.push(Pixel { x: pick(x[0], x[1]), y: pick(y[0], y[1]) });
+            let (px, py) = (pick(left, right), pick(top, bottom));
+            if (x..end_x).contains(&px) && (y..end_y).contains(&py) {
+                pixels.push(Pixel { x: px - x, y: py - y });
+            }
         }
     }
     pixels
@@ -48,6 +67,23 @@ mod tests {
         assert_eq!(cells.len(), 33 * 17);
         assert!(pixels.iter().all(|p| p.x < size.width && p.y < size.height));
         assert_ne!(pixels, choose_pixels(size, 1.0 / 16.0, 4));
+    }
+
+    #[test]
+    fn a_window_has_the_samples_of_the_whole() {
+        let whole = ImageSize { width: 130, height: 67 };
+        for fraction in [1.0 / 16.0, 0.03, 1.0] {
+            let window = Window::new([37, 101, 9, 67], whole).unwrap();
+            let inside: Vec<_> = choose_pixels(whole, fraction, 3)
+                .into_iter()
+                .filter(|p| (37..101).contains(&p.x) && p.y >= 9)
+                .collect();
+            let in_window: Vec<_> = choose_pixels_in(window, fraction, 3)
+                .into_iter()
+                .map(|p| window.in_whole(p))
+                .collect();
+            assert_eq!(in_window, inside);
+        }
     }
 
     #[test]

@@ -65,6 +65,12 @@ pub enum Error {
         /// All that it has.
         present: Vec<String>,
     },
+    /// The file is sound, and no part of a picture that this program has made.
+    #[error("{} is not a part of a picture; make parts with render-cached --tile or --crop", path.display())]
+    NotAPart {
+        /// The file.
+        path: PathBuf,
+    },
     /// A picture with NaN or infinite values was to be written.
     #[error(
         "cannot write {}: {channel} is {value} at pixel ({}, {}), which is a fault of the renderer; please report it",

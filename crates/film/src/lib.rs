@@ -20,11 +20,13 @@
 //! # Ok::<(), film::Error>(())
 //! ```
 
+mod assemble;
 mod difference;
 mod error;
 mod flip;
 mod format;
 mod magma;
+mod part;
 mod picture;
 mod read_exr;
 mod reconstruct;
@@ -32,12 +34,14 @@ mod srgb;
 mod write_exr;
 mod write_png;
 
+pub use assemble::{assemble_exr, assemble_rgb};
 pub use atomic_file::Existing;
 pub use difference::{Difference, FlipStats, compare};
 pub use error::Error;
 pub use flip::{flip, flip_of_colors};
 pub use format::Format;
 pub use magma::flip_picture;
+pub use part::Part;
 pub use picture::Picture;
 pub use read_exr::{read_exr, read_rgb};
 pub use reconstruct::{Filter, reconstruct};

@@ -1,13 +1,13 @@
 //! A picture with everything that is known of its pixels.
 
-use base::{Grid, ImageSize, Rgb};
+use base::{Grid, ImageSize, Rgb, Window};
 
 /// Named channels of one size, and a text about how they were made.
 ///
 /// A channel of a layer is called `LAYER.CHANNEL`, as in `direct.R`; the beauty is `R`, `G` and `B`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    size: ImageSize,
+    window: Window,
     metadata: String,
     channels: Vec<(String, Vec<f32>)>,
 }
@@ -15,12 +15,22 @@ pub struct Picture {
 impl Picture {
     /// A picture without channels. `metadata` is one JSON value, or empty.
     pub fn new(size: ImageSize, metadata: String) -> Self {
-        Self { size, metadata, channels: Vec::new() }
+        Self::part(Window::whole(size), metadata)
+    }
+
+    /// As [`Picture::new`], a part of a picture. `metadata` is that of the whole.
+    pub fn part(window: Window, metadata: String) -> Self {
+        Self { window, metadata, channels: Vec::new() }
     }
 
     /// Width and height.
     pub fn size(&self) -> ImageSize {
-        self.size
+        self.window.size
+    }
+
+    /// Where it lies in the picture that it is a part of.
+    pub fn window(&self) -> Window {
+        self.window
     }
 
     /// The JSON text the picture was made with; empty if it has none.
@@ -44,7 +54,7 @@ impl Picture {
     /// When there are not as many values as pixels, or when there is a channel of that name.
     pub fn push(&mut self, name: impl Into<String>, values: Vec<f32>) {
         let name = name.into();
-        assert_eq!(values.len(), self.size.n_pixels(), "channel {name} needs a value per pixel");
+        assert_eq!(values.len(), self.size().n_pixels(), "channel {name} needs a value per pixel");
         assert!(self.channel(&name).is_none(), "channel {name} is there already");
         self.channels.push((name, values));
     }
@@ -54,7 +64,7 @@ impl Picture {
     /// # Panics
     /// When `values` is of another size, or when the layer is there already.
     pub fn push_rgb(&mut self, layer: &str, values: &Grid<Rgb>) {
-        assert_eq!(values.size(), self.size, "layer {layer:?} needs the size of the picture");
+        assert_eq!(values.size(), self.size(), "layer {layer:?} needs the size of the picture");
         let take = |f: fn(&Rgb) -> f32| values.values().iter().map(f).collect();
         let [r, g, b] = rgb_names(layer);
         self.push(r, take(|c| c.r));
@@ -67,7 +77,7 @@ impl Picture {
         let [r, g, b] = rgb_names(layer);
         let (r, g, b) = (self.channel(&r)?, self.channel(&g)?, self.channel(&b)?);
         let values = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Rgb::new(r, g, b)).collect();
-        Some(Grid::from_values(self.size, values))
+        Some(Grid::from_values(self.size(), values))
     }
 }
 

@@ -25,15 +25,7 @@ use crate::{Error, Picture};
 /// When the file cannot be read, is not an OpenEXR file, is damaged, or holds deep or subsampled data.
 pub fn read_exr(path: &Path) -> Result<Picture, Error> {
     let bytes = fs::read(path).map_err(|cause| Error::Read { path: path.into(), cause })?;
-    decode(&bytes).map_err(|fault| {
-        let path = path.into();
-        match fault {
-            Fault::NotExr => Error::NotExr { path },
-            Fault::TooLarge(claimed) => Error::TooLarge { path, claimed },
-            Fault::Damaged(fault) => Error::Damaged { path, fault },
-            Fault::Unsupported(feature) => Error::Unsupported { path, feature },
-        }
-    })
+    decode(&bytes).map_err(|fault| fault.at(path))
 }
 
 /// Reads the channels `R`, `G` and `B` of one layer; the layer `""` is the beauty.
@@ -54,11 +46,24 @@ pub fn read_rgb(path: &Path, layer: &str) -> Result<Grid<Rgb>, Error> {
 
 /// What is wrong with a file, before it is named.
 #[derive(Debug)]
-enum Fault {
+pub(crate) enum Fault {
     NotExr,
     TooLarge(u128),
     Damaged(String),
     Unsupported(String),
+}
+
+impl Fault {
+    /// The error for the file of this name.
+    pub(crate) fn at(self, path: &Path) -> Error {
+        let path = path.into();
+        match self {
+            Self::NotExr => Error::NotExr { path },
+            Self::TooLarge(claimed) => Error::TooLarge { path, claimed },
+            Self::Damaged(fault) => Error::Damaged { path, fault },
+            Self::Unsupported(feature) => Error::Unsupported { path, feature },
+        }
+    }
 }
 
 impl From<exr::error::Error> for Fault {
@@ -82,16 +87,7 @@ fn decode(bytes: &[u8]) -> Result<Picture, Fault> {
         width: header.layer_size.width() as u32,
         height: header.layer_size.height() as u32,
     };
-    let metadata = match header.own_attributes.other.get(&Text::from(METADATA_ATTRIBUTE)) {
-        Some(AttributeValue::Text(json)) => String::from_utf8_lossy(json.as_slice()).into_owned(),
-        _ => String::new(),
-    };
-    let names: Vec<String> = header
-        .channels
-        .list
-        .iter()
-        .map(|channel| String::from_utf8_lossy(channel.name.as_slice()).into_owned())
-        .collect();
+    let (metadata, names) = (metadata(header), names(header));
     let types: Vec<SampleType> =
         header.channels.list.iter().map(|channel| channel.sample_type).collect();
 
@@ -146,8 +142,22 @@ fn decode(bytes: &[u8]) -> Result<Picture, Fault> {
     Ok(picture)
 }
 
+/// The text of our attribute; empty if there is none.
+pub(crate) fn metadata(header: &Header) -> String {
+    match header.own_attributes.other.get(&Text::from(METADATA_ATTRIBUTE)) {
+        Some(AttributeValue::Text(json)) => String::from_utf8_lossy(json.as_slice()).into_owned(),
+        _ => String::new(),
+    }
+}
+
+/// The names of the channels, in the order of the file.
+pub(crate) fn names(header: &Header) -> Vec<String> {
+    let name = |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
+    header.channels.list.iter().map(|channel| name(&channel.name)).collect()
+}
+
 /// Refuses what the exr crate would read wrongly, or would take any amount of memory for.
-fn check(header: &Header, file_len: usize) -> Result<(), Fault> {
+pub(crate) fn check(header: &Header, file_len: usize) -> Result<(), Fault> {
     /// Deflate, the strongest of the format's compressions on ordinary data, gives at most this many bytes for one.
     const MAX_RATIO: u128 = 1032;
     /// Constant pictures in wavelet compression surpass that ratio; up to this size they are read all the same.

@@ -29,6 +29,11 @@ impl Filter {
         }
     }
 
+    /// How many pixels on each side of a pixel the filter looks at.
+    pub fn margin(self) -> u32 {
+        (self.radius() - 0.5).ceil() as u32
+    }
+
     /// How far the filter reaches, in pixels.
     fn radius(self) -> f32 {
         match self {

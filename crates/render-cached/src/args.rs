@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use base::ImageSize;
+use base::{ImageSize, Share};
 use cli::{Common, JournalOptions, SceneOptions, parse_count};
 use photon_map::Kernel;
 
@@ -31,6 +31,13 @@ pub struct Args {
     /// Width and height of the picture, in pixels [default: those of a scene of Mitsuba, or 512x512]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = parse_size)]
     pub resolution: Option<ImageSize>,
+    /// Render a part of the picture, from column X0 up to X1 and row Y0 up to Y1, neither of them included, for
+    /// `render-cached assemble`
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = parse_crop, conflicts_with = "tile")]
+    pub crop: Option<[u32; 4]>,
+    /// Render part I of N of about the same size
+    #[arg(long, value_name = "I/N")]
+    pub tile: Option<Share>,
     /// Eye rays for each pixel: N x N, through the middles of its subpixels
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub supersample: u32,
@@ -67,9 +74,9 @@ pub struct Args {
 }
 
 impl Args {
-    /// Width and height in subpixels of a picture of this size.
-    pub(crate) fn subpixels(&self, ImageSize { width, height }: ImageSize) -> ImageSize {
-        ImageSize { width: width * self.supersample, height: height * self.supersample }
+    /// Whether a part is asked for, not the whole picture.
+    pub(crate) fn is_part(&self) -> bool {
+        self.crop.is_some() || self.tile.is_some()
     }
 }
 
@@ -175,6 +182,25 @@ pub struct Paper {
 pub enum Command {
     /// Say how far two pictures differ
     Diff(Diff),
+    /// Join the parts that --tile or --crop has made, in any order, to the picture that one run makes
+    Assemble(Assemble),
+}
+
+/// Parts to be joined.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Assemble {
+    /// All parts of one picture
+    #[arg(required = true)]
+    pub parts: Vec<PathBuf>,
+    /// Where the picture goes: .exr holds all layers, .png what a screen shows; may be given several times
+    #[arg(short, long, value_name = "IMAGE", required = true)]
+    pub output: Vec<PathBuf>,
+    /// Exposure of .png pictures, in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_exposure)]
+    pub exposure: f32,
+    /// Options that all programs have.
+    #[command(flatten)]
+    pub common: Common,
 }
 
 /// Two pictures to be compared.
@@ -205,9 +231,18 @@ fn parse_size(text: &str) -> Result<ImageSize, String> {
     let (width, height) = sides.ok_or("expected a width and a height such as 640x480")?;
     match u64::from(width) * u64::from(height) {
         0 => Err("a picture needs one pixel at least each way".into()),
-        n if n > 1 << 30 => Err("a picture may have 2^30 pixels at most".into()),
+        n if n > MOST_PIXELS => Err("a picture may have 2^32 pixels at most".into()),
         _ => Ok(ImageSize { width, height }),
     }
+}
+
+/// A picture in tiles may be as large as this; of what is rendered at once, the memory sets the limit.
+const MOST_PIXELS: u64 = 1 << 32;
+
+fn parse_crop(text: &str) -> Result<[u32; 4], String> {
+    let bounds: Option<Vec<u32>> = text.split(',').map(|bound| bound.parse().ok()).collect();
+    let bounds = bounds.and_then(|bounds| bounds.try_into().ok());
+    bounds.ok_or_else(|| "expected X0,X1,Y0,Y1 in pixels, such as 0,640,240,480".into())
 }
 
 fn parse_number(text: &str, is_fine: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {

@@ -1,7 +1,8 @@
 //! The eye rays of a picture, and the shading of any set of its pixels.
 
 use base::{
-    Component, Grid, ImageSize, Interrupted, OwenSobol, Pixel, Ray, Rgb, Stream, Watch, hash_u64,
+    Component, Grid, ImageSize, Interrupted, OwenSobol, Pixel, Ray, Rgb, Stream, Watch, Window,
+    hash_u64,
 };
 use geometry::Surface;
 use glam::{Vec2, Vec3A};
@@ -14,10 +15,11 @@ pub(crate) const CHUNK: usize = 512;
 /// The side of the squares in which pixels are visited, so that neighbours in work are neighbours in space.
 const TILE: u32 = 32;
 
-/// What the eye sees, one ray through the middle of each pixel.
+/// What the eye sees in a window of a picture, one ray through the middle of each pixel. Pixels count from its corner.
 #[derive(Debug)]
 pub(crate) struct Frame<'a> {
     shader: Shader<'a>,
+    window: Window,
     surfaces: Grid<Option<Surface>>,
 }
 
@@ -25,9 +27,10 @@ impl<'a> Frame<'a> {
     /// Traces the eye rays.
     pub(crate) fn trace(
         shader: Shader<'a>,
-        size: ImageSize,
+        window: Window,
         watch: Watch<'_>,
     ) -> Result<(Self, Counts), Interrupted> {
+        let size = window.size;
         // Straight into the picture: it is larger than any cache, and copies of it take as long as the rays.
         let mut surfaces = vec![None; size.n_pixels()];
         let width = size.width as usize;
@@ -48,7 +51,7 @@ impl<'a> Frame<'a> {
                             if !watch(0) {
                                 return None;
                             }
-                            let ray = eye_ray(&shader, size, size.pixel(i));
+                            let ray = eye_ray(&shader, window, size.pixel(i));
                             *surface = shader.eye_point(&ray, &mut work).map(|point| point.surface);
                         }
                     }
@@ -58,7 +61,11 @@ impl<'a> Frame<'a> {
             .collect();
         let mut sum = Counts::default();
         counts.ok_or(Interrupted)?.into_iter().for_each(|counts| sum += counts);
-        Ok((Self { shader, surfaces: Grid::from_values(size, surfaces) }, sum))
+        Ok((Self { shader, window, surfaces: Grid::from_values(size, surfaces) }, sum))
+    }
+
+    pub(crate) fn window(&self) -> Window {
+        self.window
     }
 
     pub(crate) fn size(&self) -> ImageSize {
@@ -77,7 +84,7 @@ impl<'a> Frame<'a> {
     /// Radiance that the first surface of a pixel emits towards the eye, or that comes from beyond the scene.
     pub(crate) fn emitted(&self, pixel: Pixel) -> Rgb {
         self.point(pixel).map_or_else(
-            || self.shader.background(eye_ray(&self.shader, self.size(), pixel).dir()),
+            || self.shader.background(eye_ray(&self.shader, self.window, pixel).dir()),
             |point| point.emitted(),
         )
     }
@@ -88,12 +95,12 @@ impl<'a> Frame<'a> {
         if camera.is_pinhole() {
             return camera.origin();
         }
-        eye_ray(&self.shader, self.size(), pixel).origin()
+        eye_ray(&self.shader, self.window, pixel).origin()
     }
 
     /// The first surface of a pixel, as the eye sees it.
     pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
-        let w_o = -eye_ray(&self.shader, self.size(), pixel).dir();
+        let w_o = -eye_ray(&self.shader, self.window, pixel).dir();
         self.surfaces[pixel].map(|surface| self.shader.shading_point(surface, w_o))
     }
 
@@ -128,7 +135,8 @@ impl<'a> Frame<'a> {
         work: &mut Work,
         f: impl FnOnce(&ShadingPoint<'a>, PixelStream, &mut Work) -> T,
     ) -> T {
-        let stream = PixelStream(self.size().index(pixel) as u64);
+        let Window { whole, .. } = self.window;
+        let stream = PixelStream(whole.index(self.window.in_whole(pixel)) as u64);
         self.point(pixel).map_or_else(T::default, |point| f(&point, stream, work))
     }
 
@@ -152,8 +160,9 @@ impl<'a> Frame<'a> {
 ///
 /// Sobol' points in Morton order (Ahmed and Wonka 2020): any square of 2^n pixels a side, at a multiple of that, has
 /// stratified points, so the subpixels of a pixel see the whole lens, and the noise of neighbors differs.
-fn eye_ray(shader: &Shader<'_>, size: ImageSize, pixel: Pixel) -> Ray {
+fn eye_ray(shader: &Shader<'_>, window: Window, pixel: Pixel) -> Ray {
     let camera = &shader.scene.camera;
+    let (size, pixel) = (window.whole, window.in_whole(pixel));
     let at = Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5);
     if camera.is_pinhole() {
         return camera.ray(size, at);

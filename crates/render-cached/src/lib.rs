@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod args;
+mod assemble;
 mod diff;
 mod frame;
 mod health;
@@ -12,8 +13,9 @@ mod photons;
 mod render;
 mod resume;
 mod stats;
+mod tile;
 
-pub use args::{Args, Command, Indirect, Mode};
+pub use args::{Args, Assemble, Command, Indirect, Mode};
 pub use render::render;
 
 /// Runs the program.
@@ -23,6 +25,7 @@ pub use render::render;
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.command {
         Some(Command::Diff(args)) => diff::diff(args),
+        Some(Command::Assemble(args)) => assemble::assemble(args),
         None => render(args),
     }
 }

@@ -13,6 +13,7 @@ use shade::ShadingPoint;
 
 use crate::frame::Frame;
 use crate::render::Rendered;
+use crate::tile::Extent;
 use crate::{Args, Indirect, Mode};
 
 /// The name of a component's layer.
@@ -95,21 +96,26 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     cli::command_line(words.into_iter().map(Into::into))
 }
 
-/// Writes the picture to all outputs.
+/// Writes the picture, or the part of it that is asked for, to all outputs.
 pub(crate) fn write(
     args: &Args,
+    extent: &Extent,
     frame: &Frame<'_>,
     rendered: &Rendered,
     inputs: &Inventory,
     interrupt: &Interrupt,
 ) -> anyhow::Result<()> {
-    let emission = Grid::from_fn(frame.size(), |p| frame.emitted(p));
-    let to_pixels = |subpixels: &Grid<Rgb>| match (args.supersample, filter(args)) {
-        (1, Filter::Box) => subpixels.clone(),
-        (n, filter) => film::reconstruct(subpixels, n, filter),
+    let n = args.supersample;
+    let shown = extent.filtered.subdivided(n);
+    let to_pixels = |subpixels: Grid<Rgb>| match (n, filter(args)) {
+        (1, Filter::Box) => subpixels,
+        (n, filter) => film::reconstruct(&subpixels, n, filter).cut(extent.filtered, extent.part),
     };
-    let emission = to_pixels(&emission);
-    let components = Components::from_fn(|component| to_pixels(&rendered.values[component]));
+    let emission = Grid::from_fn(shown.size, |p| frame.emitted(extent.in_frame(shown.in_whole(p))));
+    let emission = to_pixels(emission);
+    let components = Components::from_fn(|component| {
+        to_pixels(rendered.values[component].cut(extent.frame, shown))
+    });
     let whole = Grid::from_fn(emission.size(), |p| {
         Component::ALL
             .into_iter()
@@ -121,7 +127,8 @@ pub(crate) fn write(
         match Format::of(path)? {
             Format::Png => film::write_png(path, existing, &whole, args.exposure)?,
             Format::Exr => {
-                let picture = layers(args, frame, rendered, inputs, &emission, &components, &whole);
+                let picture =
+                    layers(args, extent, frame, rendered, inputs, &emission, &components, &whole);
                 interrupt.check()?;
                 film::write_exr(path, existing, &picture)?
             }
@@ -134,9 +141,11 @@ pub(crate) fn write(
 ///
 /// The layers tell of the picture, not of the run: in mode paper, what was loaded from a cache map had been computed at its
 /// pixel, so its `traced` is 1. In mode adaptive it may have been computed elsewhere: its `traced` is 0, and its `reason`
-/// says so. What this run has computed is told by `--stats`.
+/// says so. What this run has computed is told by `--stats`: it depends on how the picture was split.
+#[expect(clippy::too_many_arguments, reason = "all that is known of the picture, each once")]
 fn layers(
     args: &Args,
+    extent: &Extent,
     frame: &Frame<'_>,
     rendered: &Rendered,
     inputs: &Inventory,
@@ -144,32 +153,34 @@ fn layers(
     components: &Components<Grid<Rgb>>,
     whole: &Grid<Rgb>,
 ) -> Picture {
-    let counts = rendered.counts;
     let metadata = json!({
         "command": command(args),
         "version": env!("CARGO_PKG_VERSION"),
         "seed": args.seed,
         "inputs": inputs.fingerprint().to_string(),
-        "rays": { "eye": counts.eye_rays, "specular": counts.specular_rays, "shadow": counts.shadow_rays },
-        "photons_visited": counts.photons_visited,
         "error": rendered.adaptive.as_ref().map(|a| a.error),
     });
-    let mut picture = Picture::new(whole.size(), metadata.to_string());
+    let mut picture = Picture::part(extent.part, metadata.to_string());
     picture.push_rgb("", whole);
     for component in Component::ALL {
         picture.push_rgb(layer(component), &components[component]);
     }
     picture.push_rgb("emission", emission);
-    push_surfaces(&mut picture, frame, args.supersample);
+    let subpixels = |pixel| extent.subpixels(pixel, args.supersample);
+    push_surfaces(&mut picture, frame, &subpixels);
     for component in Component::ALL {
-        push_history(&mut picture, component, rendered, args.supersample);
+        push_history(&mut picture, component, rendered, args.supersample, &subpixels);
     }
     picture
 }
 
 /// What the eye sees first: position, normals on the side of the eye, albedo, depth; the mean of the subpixels that show
 /// a surface. All 0 where none does.
-fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>, n: u32) {
+fn push_surfaces<I: Iterator<Item = Pixel>>(
+    picture: &mut Picture,
+    frame: &Frame<'_>,
+    subpixels: &(impl Fn(Pixel) -> I + Sync),
+) {
     const NAMES: [&str; 13] = [
         "P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "Ns.X", "Ns.Y", "Ns.Z", "Albedo.R", "Albedo.G",
         "Albedo.B", "Z",
@@ -186,7 +197,7 @@ fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>, n: u32) {
         .into_par_iter()
         .map(|i| {
             let (mut sum, mut count) = ([0.0_f32; 13], 0.0_f32);
-            for values in subpixels(size.pixel(i), n).filter_map(of_subpixel) {
+            for values in subpixels(size.pixel(i)).filter_map(of_subpixel) {
                 sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
                 count += 1.0;
             }
@@ -198,20 +209,21 @@ fn push_surfaces(picture: &mut Picture, frame: &Frame<'_>, n: u32) {
     }
 }
 
-/// The subpixels of a pixel.
-fn subpixels(pixel: Pixel, n: u32) -> impl Iterator<Item = Pixel> {
-    (0..n * n).map(move |i| Pixel { x: pixel.x * n + i % n, y: pixel.y * n + i / n })
-}
-
 /// Whether, and why, a component was computed at each pixel: the share of its subpixels, and of reasons and levels the
 /// greatest number.
-fn push_history(picture: &mut Picture, component: Component, rendered: &Rendered, n: u32) {
+fn push_history<I: Iterator<Item = Pixel>>(
+    picture: &mut Picture,
+    component: Component,
+    rendered: &Rendered,
+    n: u32,
+    subpixels: &impl Fn(Pixel) -> I,
+) {
     let name = layer(component);
     let origins = &rendered.origins[component];
     let (size, fine) = (picture.size(), origins.size());
     let computed = |o: &Origin| matches!(o, Origin::Sampled | Origin::Traced);
     let over = |start: f32, f: &dyn Fn(f32, Pixel) -> f32| -> Vec<f32> {
-        (0..size.n_pixels()).map(|i| subpixels(size.pixel(i), n).fold(start, f)).collect()
+        (0..size.n_pixels()).map(|i| subpixels(size.pixel(i)).fold(start, f)).collect()
     };
     let share = 1.0 / (n * n) as f32;
     picture.push(
@@ -240,7 +252,8 @@ fn push_history(picture: &mut Picture, component: Component, rendered: &Rendered
     }
 }
 
-fn filter(args: &Args) -> Filter {
+/// How pixels are made of subpixels.
+pub(crate) fn filter(args: &Args) -> Filter {
     match args.filter {
         crate::args::Filter::Box => Filter::Box,
         crate::args::Filter::Tent => Filter::Tent,

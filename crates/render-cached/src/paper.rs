@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::bail;
-use base::{Component, Components, Grid, Inventory, Pixel};
-use cache_map::{CacheMap, Origin, Saved, SurfacePoint, Thresholds, choose_pixels};
+use base::{Component, Components, Grid, Inventory, Pixel, Window};
+use cache_map::{CacheMap, Origin, Saved, SurfacePoint, Thresholds, choose_pixels_in};
 use cli::{Clock, Seconds};
 use mapfile::Error;
 use shade::Counts;
@@ -31,9 +31,11 @@ fn fraction(args: &Args) -> f64 {
     args.paper.fraction.unwrap_or(1.0 / (cell * cell))
 }
 
+/// Renders what lies in the window `computed` of the frame; beyond it there are samples only.
 pub(crate) fn render(
     args: &Args,
     frame: &Frame<'_>,
+    computed: Window,
     inputs: &Inventory,
     thresholds: &Thresholds,
     clock: &mut Clock,
@@ -43,13 +45,14 @@ pub(crate) fn render(
     let mut seconds = Components::<Seconds>::default();
     let mut traced = Components::<u64>::default();
 
-    let mut map = CacheMap::new(Grid::from_fn(frame.size(), |pixel| {
+    let surfaces = Grid::from_fn(frame.size(), |pixel| {
         let facing = frame.point(pixel)?.facing;
         Some(SurfacePoint {
             position: facing.position.into(),
             normal: facing.shading_normal.into(),
         })
-    }));
+    });
+    let mut map = CacheMap::of_part(surfaces, frame.window(), computed);
     if let Some(path) = &args.paper.from_cache {
         let remedy = output::cache_command(args, path);
         match Saved::open(path, inputs, &remedy) {
@@ -62,7 +65,7 @@ pub(crate) fn render(
         }
     }
     let samples =
-        map.unserved(&choose_pixels(frame.size(), fraction(args), args.seed), fraction(args));
+        map.unserved(&choose_pixels_in(frame.window(), fraction(args), args.seed), fraction(args));
     let mut cache = clock.lap();
 
     let mut trace = |map: &mut CacheMap,

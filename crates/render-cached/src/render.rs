@@ -15,6 +15,7 @@ use shade::{Counts, GatherPhotons, Settings, Shader};
 use crate::adaptive::{self, ErrorReport};
 use crate::frame::{Frame, for_each};
 use crate::resume::{NOTHING_WRITTEN, Resume};
+use crate::tile::Extent;
 use crate::{Args, Indirect, Mode, health, original, output, paper, photons, stats};
 
 /// A picture by components, and what it took.
@@ -93,6 +94,19 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
             "--save-cache and --from-cache need --mode paper, or --mode adaptive with an --error above 0".into()
         ));
     }
+    if args.is_part() {
+        if args.paper.save_cache.is_some() || args.paper.from_cache.is_some() {
+            bail!(WrongUsage(
+                "--save-cache and --from-cache are of whole pictures; leave out --tile or --crop"
+                    .into()
+            ));
+        }
+        if args.mode == Mode::Adaptive && args.error > 0.0 {
+            bail!(WrongUsage(
+                "mode adaptive looks at the whole picture; leave out --tile or --crop".into()
+            ));
+        }
+    }
     for path in &args.output {
         if let Err(error) = Format::of(path) {
             bail!(WrongUsage(error.to_string()));
@@ -107,7 +121,9 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
         &inputs.map(paths).collect::<Vec<_>>(),
         args.common.existing(),
     )?;
-    args.resolution.map_or(Ok(()), |size| check_memory(args.subpixels(size)))?;
+    if let Some(resolution) = args.resolution {
+        check_memory(Extent::new(args, resolution)?.frame.size)?;
+    }
     args.common.thread_pool()
 }
 
@@ -120,7 +136,7 @@ fn check_memory(size: ImageSize) -> anyhow::Result<()> {
         let ImageSize { width, height } = size;
         bail!(
             "a picture of {width}x{height} pixels needs {} GB of memory, which the system refuses; \
-             ask for fewer with --resolution or --supersample",
+             ask for fewer with --resolution or --supersample, or for parts with --tile",
             bytes.div_ceil(1_000_000_000)
         );
     }
@@ -145,7 +161,8 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     }
     let usual = ImageSize { width: 512, height: 512 };
     let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
-    check_memory(args.subpixels(resolution))?;
+    let extent = Extent::new(args, resolution)?;
+    check_memory(extent.frame.size)?;
     // Whatever tells of this picture names its size.
     let args = &Args { resolution: Some(resolution), ..args.clone() };
     let (photons, photons_file) =
@@ -169,9 +186,9 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
 
     let (shader, counts_ahead) = shader(args, &scene, &photons, settings, &progress)?;
     let ahead = clock.lap();
-    let subpixels = args.subpixels(resolution);
-    let traced = progress
-        .run("eye rays", subpixels.n_pixels(), |watch| Frame::trace(shader, subpixels, watch));
+    let n_rays = extent.frame.size.n_pixels();
+    let traced =
+        progress.run("eye rays", n_rays, |watch| Frame::trace(shader, extent.frame, watch));
     let (frame, eye_counts) = traced?;
     let primary = clock.lap();
 
@@ -183,7 +200,8 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
         Mode::Paper => {
             let thresholds = paper::thresholds(args, scene.bounds().diagonal());
-            paper::render(args, &frame, &inputs, &thresholds, &mut clock, &progress)?
+            let computed = extent.computed;
+            paper::render(args, &frame, computed, &inputs, &thresholds, &mut clock, &progress)?
         }
     };
     rendered.counts += eye_counts;
@@ -196,9 +214,9 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         ))?;
     }
 
-    health::check(&rendered.values, args.supersample)?;
+    health::check(&rendered.values, extent.frame, args.supersample)?;
     photons_file.check_untouched()?;
-    output::write(args, &frame, &rendered, &inputs, interrupt)?;
+    output::write(args, &extent, &frame, &rendered, &inputs, interrupt)?;
     progress.resume.done();
     let write = clock.lap();
 

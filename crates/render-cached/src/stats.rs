@@ -25,7 +25,11 @@ pub(crate) struct Stats {
     version: &'static str,
     scene: String,
     mode: &'static str,
+    /// Of the whole picture, also where a part of it was rendered.
     resolution: [u32; 2],
+    /// Those that were looked at.
+    #[serde(skip)]
+    n_subpixels: usize,
     supersample: u32,
     seed: u64,
     threads: usize,
@@ -73,7 +77,6 @@ impl Stats {
         photons: &PhotonMaps,
         stages: &Stages,
     ) -> Self {
-        let size = rendered.origins.direct.size();
         let count = |wanted: Origin| {
             Components::from_fn(|component| {
                 let origins = rendered.origins[component].values();
@@ -104,7 +107,8 @@ impl Stats {
                 Mode::Paper => "paper",
                 Mode::Adaptive => "adaptive",
             },
-            resolution: [size.width / args.supersample, size.height / args.supersample],
+            resolution: args.resolution.map_or([0, 0], |size| [size.width, size.height]),
+            n_subpixels: rendered.origins.direct.size().n_pixels(),
             supersample: args.supersample,
             seed: args.seed,
             threads: rayon::current_num_threads(),
@@ -130,10 +134,9 @@ impl Stats {
     /// The account for people.
     pub(crate) fn say(&self, console: &Console) {
         let [w, h] = self.resolution;
-        let n_pixels = f64::from(w) * f64::from(h) * f64::from(self.supersample).powi(2);
         for component in Component::ALL {
             let (traced, cpu) = (self.traced[component], self.cpu_of(component));
-            let percent = |n: u64| n as f64 / n_pixels * 100.0;
+            let percent = |n: u64| n as f64 / self.n_subpixels as f64 * 100.0;
             let share = percent(traced);
             let reused = match self.reused[component] {
                 0 => String::new(),

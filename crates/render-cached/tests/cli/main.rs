@@ -14,6 +14,7 @@ mod gather;
 mod maps;
 mod mitsuba;
 mod outputs;
+mod parts;
 mod pictures;
 mod records;
 mod resume;

@@ -1,0 +1,123 @@
+//! Parts of pictures, and what they are joined to.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
+use std::fs;
+use std::path::Path;
+
+use base::{Grid, ImageSize, Rng, Stream, Window};
+use film::{Error, Existing, Part, Picture, assemble_exr, assemble_rgb, read_exr, write_exr};
+
+const SIZE: ImageSize = ImageSize { width: 83, height: 71 };
+
+/// Windows that fill the picture, none at a multiple of 16.
+const WINDOWS: [[u32; 4]; 5] =
+    [[0, 30, 0, 50], [30, 83, 0, 17], [30, 83, 17, 50], [0, 7, 50, 71], [7, 83, 50, 71]];
+
+/// Noise, which compression leaves as it is, and a gradient.
+fn channels() -> Vec<(&'static str, Grid<f32>)> {
+    let mut rng = Rng::new(0, Stream::Test, 0);
+    let mut noise = || Grid::from_fn(SIZE, |_| rng.next_f32() - 0.5);
+    let gradient = Grid::from_fn(SIZE, |p| p.x as f32 * 0.1);
+    vec![("R", noise()), ("Z", noise()), ("G", noise()), ("B", gradient)]
+}
+
+fn picture(window: Window, metadata: &str) -> Picture {
+    let mut picture = Picture::part(window, metadata.into());
+    for (name, values) in channels() {
+        picture.push(name, values.cut(Window::whole(SIZE), window).values().to_vec());
+    }
+    picture
+}
+
+fn write(path: &Path, bounds: [u32; 4], metadata: &str) {
+    let window = Window::new(bounds, SIZE).unwrap();
+    write_exr(path, Existing::Replace, &picture(window, metadata)).unwrap();
+}
+
+#[test]
+fn parts_make_the_bytes_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for metadata in ["", r#"{"seed":7,"part":null}"#] {
+        let whole = picture(Window::whole(SIZE), metadata);
+        write_exr(&at("whole.exr"), Existing::Replace, &whole).unwrap();
+        let parts: Vec<Part> = (WINDOWS.iter().enumerate())
+            .map(|(i, &bounds)| {
+                let path = at(&format!("{i}.exr"));
+                write(&path, bounds, metadata);
+                let part = Part::open(&path).unwrap();
+                assert_eq!(part.window().bounds(), bounds);
+                assert_eq!((part.window().whole, part.metadata()), (SIZE, metadata));
+                part
+            })
+            .rev()
+            .collect();
+        let bytes = assemble_exr(&at("joined.exr"), Existing::Replace, &parts).unwrap();
+        let joined = fs::read(at("joined.exr")).unwrap();
+        assert_eq!(joined.len() as u64, bytes);
+        assert!(joined == fs::read(at("whole.exr")).unwrap());
+        assert_eq!(assemble_rgb(&parts).unwrap(), whole.rgb("").unwrap());
+        // A part is a picture for whoever wants to look at it.
+        assert_eq!(read_exr(parts[0].path()).unwrap().size(), parts[0].window().size);
+    }
+}
+
+#[test]
+fn damage_is_found_wherever_it_matters() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let bounds = [[0, 83, 0, 40], [0, 83, 40, 71]];
+    write(&at("a.exr"), bounds[0], "{}");
+    write(&at("b.exr"), bounds[1], "{}");
+    let join = || {
+        let parts = vec![Part::open(&at("a.exr"))?, Part::open(&at("b.exr"))?];
+        let is_whole = parts[1].window().bounds() == bounds[1]
+            && parts[1].window().whole == SIZE
+            && parts[1].metadata() == "{}"
+            && parts[1].names() == parts[0].names();
+        // Parts that don't fit each other are refused before they are joined.
+        if is_whole {
+            assemble_exr(&at("joined.exr"), Existing::Replace, &parts).map(Some)
+        } else {
+            Ok(None)
+        }
+    };
+    join().unwrap();
+    let (good, whole) = (fs::read(at("b.exr")).unwrap(), fs::read(at("joined.exr")).unwrap());
+    let mut n_found = 0;
+    for i in (0..good.len()).step_by(61) {
+        let mut bad = good.clone();
+        bad[i] ^= 1 << (i % 8);
+        fs::write(at("b.exr"), &bad).unwrap();
+        fs::write(at("joined.exr"), "old").unwrap();
+        match join() {
+            // What nobody reads, such as the table of offsets, may be anything.
+            Ok(Some(_)) => assert!(fs::read(at("joined.exr")).unwrap() == whole, "byte {i}"),
+            Ok(None) => n_found += 1,
+            Err(error) => {
+                assert!(error.to_string().contains("b.exr"), "{error}");
+                assert_eq!(fs::read(at("joined.exr")).unwrap(), b"old");
+                n_found += 1;
+            }
+        }
+    }
+    assert!(n_found > good.len() / 61 * 9 / 10, "{n_found} of {}", good.len() / 61);
+    for length in [0, 3, 100, good.len() / 2, good.len() - 1] {
+        fs::write(at("b.exr"), &good[..length]).unwrap();
+        assert!(join().unwrap_err().to_string().contains("b.exr"), "{length} bytes");
+    }
+}
+
+#[test]
+fn whole_pictures_are_no_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    write_exr(&path, Existing::Refuse, &picture(Window::whole(SIZE), "{}")).unwrap();
+    let error = Part::open(&path).unwrap_err();
+    assert!(matches!(error, Error::NotAPart { .. }), "{error}");
+    fs::write(&path, "text").unwrap();
+    assert!(matches!(Part::open(&path).unwrap_err(), Error::NotExr { .. }));
+    let error = Part::open(Path::new("none.exr")).unwrap_err();
+    assert!(matches!(error, Error::Read { .. }));
+}

@@ -1,0 +1,151 @@
+//! Parts of pictures: which pixels they show, and which ones have to be computed for that.
+
+use anyhow::bail;
+use base::{ImageSize, Pixel, Share, Window};
+use cache_map::TILE;
+use cli::WrongUsage;
+
+use crate::{Args, Mode, output};
+
+/// What is computed to show a part of a picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    /// What is shown, in pixels.
+    pub(crate) part: Window,
+    /// The part and what filters look at around it, in pixels.
+    pub(crate) filtered: Window,
+    /// What is computed, in subpixels: these at least.
+    pub(crate) computed: Window,
+    /// What eye rays are traced for, in subpixels: mode paper looks for candidates beyond what it computes.
+    pub(crate) frame: Window,
+}
+
+impl Extent {
+    /// Of the part that the command line asks for, in a picture of this size.
+    ///
+    /// # Errors
+    /// When there is no such part.
+    pub(crate) fn new(args: &Args, resolution: ImageSize) -> anyhow::Result<Self> {
+        let part = part(args, resolution)?;
+        let filtered = part.grown(output::filter(args).margin());
+        let shown = filtered.subdivided(args.supersample);
+        let (computed, frame) = match args.mode {
+            Mode::Original | Mode::Adaptive => (shown, shown),
+            Mode::Paper => {
+                let computed = shown.aligned(TILE);
+                (computed, computed.grown(args.paper.region / 2))
+            }
+        };
+        Ok(Self { part, filtered, computed, frame })
+    }
+
+    /// The pixel of the frame that is this subpixel of the whole picture.
+    pub(crate) fn in_frame(&self, subpixel: Pixel) -> Pixel {
+        let Pixel { x, y } = self.frame.corner;
+        Pixel { x: subpixel.x - x, y: subpixel.y - y }
+    }
+
+    /// The subpixels of a pixel of the part, `n` x `n`, in the frame.
+    pub(crate) fn subpixels(&self, pixel: Pixel, n: u32) -> impl Iterator<Item = Pixel> + use<> {
+        let Pixel { x, y } = self.part.in_whole(pixel);
+        let first = self.in_frame(Pixel { x: x * n, y: y * n });
+        (0..n * n).map(move |i| Pixel { x: first.x + i % n, y: first.y + i / n })
+    }
+}
+
+fn part(args: &Args, resolution: ImageSize) -> anyhow::Result<Window> {
+    let ImageSize { width, height } = resolution;
+    match (args.crop, args.tile) {
+        (Some(bounds), _) => Window::new(bounds, resolution).ok_or_else(|| {
+            let crop = bounds.map(|x| x.to_string()).join(",");
+            WrongUsage(format!(
+                "--crop {crop} isn't a part of a picture of {width}x{height} pixels; \
+                 give x0,x1,y0,y1 with x0 < x1 <= {width} and y0 < y1 <= {height}"
+            ))
+            .into()
+        }),
+        (None, Some(share)) => match tile(resolution, share) {
+            Some(window) => Ok(window),
+            None => bail!(WrongUsage(format!(
+                "a picture of {width}x{height} pixels has {} blocks of {TILE}x{TILE} pixels; ask for as many tiles at most",
+                u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE))
+            ))),
+        },
+        (None, None) => Ok(Window::whole(resolution)),
+    }
+}
+
+/// Tile `number` of `of`: the picture is halved again and again, across its longer side, until there are as many tiles.
+/// Borders lie at multiples of 64 pixels, where mode paper has borders of its own. Nothing if there are more tiles than
+/// blocks of that size.
+pub(crate) fn tile(whole: ImageSize, share: Share) -> Option<Window> {
+    let blocks = |extent: u32| u64::from(extent.div_ceil(TILE));
+    // Columns and rows of blocks, and the tiles they are shared among.
+    let (mut x, mut y) = (0..blocks(whole.width), 0..blocks(whole.height));
+    let (mut number, mut of) = (u64::from(share.number() - 1), u64::from(share.of()));
+    if of > blocks(whole.width) * blocks(whole.height) {
+        return None;
+    }
+    while of > 1 {
+        let (columns, rows) = (x.end - x.start, y.end - y.start);
+        let (long, across) = if columns >= rows { (columns, rows) } else { (rows, columns) };
+        let low = long / 2;
+        // As many tiles as belong to the lower half, but no more than blocks in either.
+        let fewest = of.saturating_sub((long - low) * across).max(1);
+        let n_low = (of * low / long).clamp(fewest, (low * across).min(of - 1));
+        let is_low = number < n_low;
+        let side = if columns >= rows { &mut x } else { &mut y };
+        let middle = side.start + low;
+        if is_low {
+            (side.end, of) = (middle, n_low);
+        } else {
+            (side.start, of, number) = (middle, of - n_low, number - n_low);
+        }
+    }
+    let end = |block: u64, extent: u32| ((block * u64::from(TILE)) as u32).min(extent);
+    let corner = Pixel { x: end(x.start, whole.width), y: end(y.start, whole.height) };
+    let (end_x, end_y) = (end(x.end, whole.width), end(y.end, whole.height));
+    Window::new([corner.x, end_x, corner.y, end_y], whole)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_are_the_picture_once() {
+        for (width, height) in [(1024, 1024), (640, 65), (64, 64), (63, 1000), (3000, 1)] {
+            let whole = ImageSize { width, height };
+            let most = width.div_ceil(TILE) * height.div_ceil(TILE);
+            for of in (1..=most).take(40).chain([most]) {
+                let mut seen = vec![0_u8; (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize];
+                let mut n_pixels = 0;
+                for number in 1..=of {
+                    let window = tile(whole, Share::new(number, of).unwrap()).unwrap();
+                    assert_eq!(window.aligned(TILE), window);
+                    n_pixels += window.size.n_pixels();
+                    let [x, end_x, y, end_y] = window.bounds();
+                    for row in (y..end_y).step_by(TILE as usize) {
+                        for column in (x..end_x).step_by(TILE as usize) {
+                            seen[(row / TILE * width.div_ceil(TILE) + column / TILE) as usize] += 1;
+                        }
+                    }
+                }
+                assert!(seen.iter().all(|&n| n == 1), "{width}x{height} in {of}");
+                assert_eq!(n_pixels, whole.n_pixels());
+            }
+            assert_eq!(tile(whole, Share::new(1, most + 1).unwrap()), None);
+        }
+    }
+
+    #[test]
+    fn tiles_are_alike() {
+        let whole = ImageSize { width: 1024, height: 1024 };
+        let sizes =
+            |of| (1..=of).map(move |i| tile(whole, Share::new(i, of).unwrap()).unwrap().size);
+        assert!(sizes(16).all(|size| size == ImageSize { width: 256, height: 256 }));
+        assert!(sizes(8).all(|size| size.n_pixels() == 512 * 256));
+        let of_7: Vec<_> = sizes(7).map(ImageSize::n_pixels).collect();
+        assert!(of_7.iter().all(|&n| (100_000..300_000).contains(&n)), "{of_7:?}");
+    }
+}
