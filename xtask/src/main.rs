@@ -2,6 +2,7 @@
 
 mod bench;
 mod demo;
+mod farm;
 mod programs;
 mod rabbit;
 mod stats;
@@ -24,6 +25,7 @@ struct Cli {
 enum Command {
     Bench(Box<bench::Args>),
     Demo(demo::Args),
+    Farm(farm::Args),
     Rabbit(rabbit::Args),
     Torture(torture::Args),
 }
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Farm(args) => farm::run(&args),
         Command::Rabbit(args) => rabbit::run(&args),
         Command::Torture(args) => torture::run(&args),
     };

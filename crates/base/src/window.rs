@@ -46,7 +46,7 @@ impl Window {
     /// The window with `margin` more pixels on each side, as far as the picture goes.
     pub fn grown(&self, margin: u32) -> Self {
         let [x, end_x, y, end_y] = self.bounds();
-        self.from_bounds([
+        self.with_bounds([
             x.saturating_sub(margin),
             end_x.saturating_add(margin),
             y.saturating_sub(margin),
@@ -58,7 +58,7 @@ impl Window {
     pub fn aligned(&self, step: u32) -> Self {
         let up = |end: u32| end.div_ceil(step).saturating_mul(step);
         let [x, end_x, y, end_y] = self.bounds();
-        self.from_bounds([x / step * step, up(end_x), y / step * step, up(end_y)])
+        self.with_bounds([x / step * step, up(end_x), y / step * step, up(end_y)])
     }
 
     /// The same with `n` x `n` pixels in place of each.
@@ -71,7 +71,7 @@ impl Window {
         }
     }
 
-    fn from_bounds(&self, [x, end_x, y, end_y]: [u32; 4]) -> Self {
+    fn with_bounds(&self, [x, end_x, y, end_y]: [u32; 4]) -> Self {
         let (end_x, end_y) = (end_x.min(self.whole.width), end_y.min(self.whole.height));
         let size = ImageSize { width: end_x - x, height: end_y - y };
         Self { corner: Pixel { x, y }, size, whole: self.whole }

@@ -38,7 +38,7 @@ fn wrong_values_are_told() {
         ("640", "expected a width and a height such as 640x480"),
         ("640x480x3", "expected a width and a height such as 640x480"),
         ("99999999999x1", "expected a width and a height such as 640x480"),
-        ("100000x100000", "a picture may have 2^30 pixels at most"),
+        ("100000x100000", "a picture may have 2^32 pixels at most"),
     ] {
         refuses("--resolution", value, "WxH", message);
     }
@@ -108,6 +108,6 @@ fn pictures_beyond_memory_are_refused() {
         .current_dir(bench.path(""))
         .assert()
         .code(1)
-        .stderr("render-cached: a picture of 5000x5000 pixels needs 10 GB of memory, which the system refuses; ask for fewer with --resolution or --supersample\n");
+        .stderr("render-cached: a picture of 5000x5000 pixels needs 10 GB of memory, which the system refuses; ask for fewer with --resolution or --supersample, or for parts with --tile\n");
     assert!(bench.files() == before);
 }
