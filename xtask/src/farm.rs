@@ -96,7 +96,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 slurm::is_there(),
                 "no Slurm answers here; xtask/farm/slurm/one-node.sh starts one"
             );
-            slurm::run(&job)?;
+            slurm::run(&job, 2)?;
         }
     }
     compare(&job)?;
@@ -199,7 +199,7 @@ mod tests {
         }
         let folder = tempfile::tempdir().unwrap();
         let Some(job) = small(folder.path()) else { return };
-        slurm::run(&job).unwrap();
+        slurm::run(&job, 0).unwrap();
         compare(&job).unwrap();
 
         // What was lost is made again, what is there isn't.
@@ -207,7 +207,7 @@ mod tests {
         for lost in ["picture-2-of-4.part.exr", "picture.exr"] {
             fs::remove_file(folder.path().join(lost)).unwrap();
         }
-        slurm::run(&job).unwrap();
+        slurm::run(&job, 0).unwrap();
         assert!(fs::read(job.file("exr")).unwrap() == picture);
     }
 
@@ -228,10 +228,10 @@ mod tests {
         };
         job.programs.render_cached = flaky.clone();
         script("exit 1");
-        let error = slurm::run(&job).unwrap_err().to_string();
+        let error = slurm::run(&job, 0).unwrap_err().to_string();
         assert!(error.contains("made no picture.exr"), "{error}");
         script(&format!("mkdir '{}/failed' 2>/dev/null && kill -9 $$", folder.path().display()));
-        slurm::run(&job).unwrap();
+        slurm::run(&job, 0).unwrap();
         assert!(folder.path().join("failed").exists());
         job.programs.render_cached = good;
         compare(&job).unwrap();

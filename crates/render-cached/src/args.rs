@@ -25,8 +25,8 @@ pub struct Args {
     #[arg(long, value_name = "MAPS.photons", required = true)]
     pub photons: Option<PathBuf>,
     /// Where the picture goes: .exr holds all layers, .png what a screen shows; may be given several times, or
-    /// not at all with --save-cache
-    #[arg(short, long, value_name = "IMAGE", required_unless_present = "save_cache")]
+    /// not at all with --save-cache or --save-layers
+    #[arg(short, long, value_name = "IMAGE", required_unless_present_any = ["save_cache", "save_layers"])]
     pub output: Vec<PathBuf>,
     /// Width and height of the picture, in pixels [default: those of a scene of Mitsuba, or 512x512]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = parse_size)]
@@ -175,6 +175,12 @@ pub struct Paper {
     /// mode adaptive with another camera
     #[arg(long, value_name = "FILE.cache", help_heading = "Modes paper and adaptive")]
     pub from_cache: Option<PathBuf>,
+    /// Save the layers of the whole picture, for tiles to be made of
+    #[arg(long, value_name = "FILE.layers", help_heading = "Mode adaptive")]
+    pub save_layers: Option<PathBuf>,
+    /// Make the picture, or a tile of it, of the layers that the same options have saved
+    #[arg(long, value_name = "FILE.layers", help_heading = "Mode adaptive", conflicts_with_all = ["save_layers", "save_cache"])]
+    pub from_layers: Option<PathBuf>,
 }
 
 /// What else the program does.

@@ -4,6 +4,7 @@ mod adaptive;
 mod args;
 mod assemble;
 mod diff;
+mod finished;
 mod frame;
 mod health;
 mod original;

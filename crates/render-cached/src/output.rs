@@ -34,6 +34,12 @@ pub(crate) fn cache_command(args: &Args, cache: &Path) -> String {
     command_line(args, None, Some(cache))
 }
 
+/// The command that makes the file of layers anew, with its name or `{file}` in its place.
+pub(crate) fn layers_command(args: &Args, layers: &Path) -> String {
+    let option = ["--save-layers".into(), layers.into()];
+    format!("{} {}", command(args), cli::command_line(option))
+}
+
 fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path>) -> String {
     let (shading, paper) = (&args.shading, &args.paper);
     let mut words: Vec<String> = vec!["render-cached".into()];
@@ -105,6 +111,9 @@ pub(crate) fn write(
     inputs: &Inventory,
     interrupt: &Interrupt,
 ) -> anyhow::Result<()> {
+    if args.output.is_empty() {
+        return Ok(());
+    }
     let n = args.supersample;
     let shown = extent.filtered.subdivided(n);
     let to_pixels = |subpixels: Grid<Rgb>| match (n, filter(args)) {

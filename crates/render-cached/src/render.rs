@@ -16,7 +16,7 @@ use crate::adaptive::{self, ErrorReport};
 use crate::frame::{Frame, for_each};
 use crate::resume::{NOTHING_WRITTEN, Resume};
 use crate::tile::Extent;
-use crate::{Args, Indirect, Mode, health, original, output, paper, photons, stats};
+use crate::{Args, Indirect, Mode, finished, health, original, output, paper, photons, stats};
 
 /// A picture by components, and what it took.
 #[derive(Debug)]
@@ -101,20 +101,32 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
                     .into()
             ));
         }
-        if args.mode == Mode::Adaptive && args.error > 0.0 {
+        if args.mode == Mode::Adaptive && args.error > 0.0 && args.paper.from_layers.is_none() {
             bail!(WrongUsage(
-                "mode adaptive looks at the whole picture; leave out --tile or --crop".into()
+                "mode adaptive looks at the whole picture: save it with --save-layers and without --tile or --crop, \
+                 then give --from-layers with them".into()
             ));
         }
+    }
+    let has_layers = args.paper.save_layers.is_some() || args.paper.from_layers.is_some();
+    if has_layers && (args.mode != Mode::Adaptive || args.error == 0.0) {
+        bail!(WrongUsage(
+            "--save-layers and --from-layers need --mode adaptive with an --error above 0".into()
+        ));
     }
     for path in &args.output {
         if let Err(error) = Format::of(path) {
             bail!(WrongUsage(error.to_string()));
         }
     }
-    let outputs = args.output.iter().chain(&args.common.stats).chain(&args.paper.save_cache);
+    let outputs = args
+        .output
+        .iter()
+        .chain(&args.common.stats)
+        .chain(&args.paper.save_cache)
+        .chain(&args.paper.save_layers);
     // A cache map may be saved in place of the one it starts from: nothing of that is needed later.
-    let inputs = args.scene.iter().chain(&args.photons);
+    let inputs = args.scene.iter().chain(&args.photons).chain(&args.paper.from_layers);
     let paths: fn(&PathBuf) -> &Path = PathBuf::as_path;
     cli::check_outputs(
         &outputs.map(paths).collect::<Vec<_>>(),
@@ -193,10 +205,13 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let primary = clock.lap();
 
     let mut rendered = match args.mode {
-        Mode::Adaptive if args.error > 0.0 => {
-            let inputs = inputs_of_surfaces(args, &scene, &photons, &settings);
-            adaptive::render(args, &frame, &inputs, &mut clock, &progress)?
-        }
+        Mode::Adaptive if args.error > 0.0 => match &args.paper.from_layers {
+            Some(layers) => finished::open(layers, args, &frame, &inputs)?,
+            None => {
+                let inputs = inputs_of_surfaces(args, &scene, &photons, &settings);
+                adaptive::render(args, &frame, &inputs, &mut clock, &progress)?
+            }
+        },
         Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
         Mode::Paper => {
             let thresholds = paper::thresholds(args, scene.bounds().diagonal());
@@ -216,6 +231,9 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
 
     health::check(&rendered.values, extent.frame, args.supersample)?;
     photons_file.check_untouched()?;
+    if let (Some(path), Some(layers)) = (&args.paper.save_layers, &rendered.adaptive) {
+        finished::save(path, args, &rendered, layers, &inputs)?;
+    }
     output::write(args, &extent, &frame, &rendered, &inputs, interrupt)?;
     progress.resume.done();
     let write = clock.lap();

@@ -61,6 +61,9 @@ impl Resume {
         // Whoever saves records always goes by the cache.
         let saves = args.paper.save_cache.is_some();
         settings.push(("--save-cache".into(), saves.to_string()));
+        // No command in a picture tells of these: they change which pixels are computed, but none of them.
+        settings.push(("--tile or --crop".into(), format!("{:?}", (args.tile, args.crop))));
+        settings.push(("--from-layers".into(), args.paper.from_layers.is_some().to_string()));
         if let Some(path) = &args.paper.from_cache {
             settings.push(("the file of --from-cache".into(), digest_of_header(path)?.to_string()));
         }

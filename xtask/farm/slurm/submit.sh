@@ -3,8 +3,8 @@
 #
 #   SHARDS=8 TILES=16 RESOLUTION=4096x4096 submit.sh SCENE FOLDER
 #
-# FOLDER lies on a disk that all nodes share. An element that fails is tried again RETRIES times; one whose node is lost is
-# queued again by Slurm. If a job fails for good, those that depend on it are canceled: the same command goes on with what is
+# FOLDER lies on a disk that all nodes share. An element that fails twice is queued again, RETRIES times; so is one
+# whose node is lost, by Slurm. If a job fails for good, those that depend on it are canceled: the same command goes on with what is
 # missing. Whatever else nodes need (partition, account, memory, time) comes from the variables that sbatch reads
 # (SBATCH_PARTITION, SBATCH_ACCOUNT, SBATCH_MEM_PER_NODE, SBATCH_TIMELIMIT ...).
 set -euo pipefail
@@ -46,11 +46,15 @@ job() {
     local step="$1" after="$2"
     shift 2
     sbatch --parsable --requeue --kill-on-invalid-dep=yes --job-name="tetralux-$step" \
-        --output="$FOLDER/$NAME-$step-%A-%a.log" --open-mode=append \
+        --output="$FOLDER/$NAME-$step-%j.log" --open-mode=append \
         ${after:+--dependency="afterok:$after"} "$@" "$element" "$step" | cut -d ';' -f 1
 }
 
 photons="$(job photons "" --array="1-$SHARDS")"
 merge="$(job merge "$photons")"
-tiles="$(job tile "$merge" --array="1-$TILES")"
+before="$merge"
+if [ "$MODE" = adaptive ]; then
+    before="$(job layers "$merge")"
+fi
+tiles="$(job tile "$before" --array="1-$TILES")"
 job assemble "$tiles"

@@ -18,11 +18,11 @@ pub(super) fn is_there() -> bool {
     command.output().is_ok_and(|output| output.status.success() && !output.stdout.is_empty())
 }
 
-/// Submits a job and waits for its end.
+/// Submits a job and waits for its end. Elements that fail are queued again this often.
 ///
 /// # Errors
 /// When it can't be submitted, or makes no picture.
-pub(super) fn run(job: &Job) -> anyhow::Result<()> {
+pub(super) fn run(job: &Job, retries: u32) -> anyhow::Result<()> {
     let submitted = Command::new(root().join(SUBMIT))
         .args([&job.scene, &job.folder])
         .env("NAME", NAME)
@@ -31,6 +31,7 @@ pub(super) fn run(job: &Job) -> anyhow::Result<()> {
         .env("RESOLUTION", &job.resolution)
         .env("TILES", job.tiles.to_string())
         .env("MODE", &job.mode)
+        .env("RETRIES", retries.to_string())
         .env("PHOTON_BUILD", &job.programs.photon_build)
         .env("RENDER_CACHED", &job.programs.render_cached)
         .stdin(Stdio::null())

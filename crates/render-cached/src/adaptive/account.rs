@@ -3,7 +3,7 @@
 use base::{Component, Components, Grid, Interrupted, Pixel, Rgb, Watch};
 use cache_map::{Origin, Reason};
 use cli::{Clock, Seconds};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shade::{Counts, PixelStream, ShadingPoint, Work};
 
 use crate::frame::{Frame, for_each};
@@ -11,7 +11,7 @@ use crate::render::{AdaptiveLayers, Progress, Rendered};
 use crate::resume::Piece;
 
 /// The error aimed at and reached.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct ErrorReport {
     /// The mean FLIP asked for.
     pub(crate) target: f32,
@@ -134,15 +134,7 @@ impl<'x, 'a> Account<'x, 'a> {
         levels: Components<Vec<u8>>,
         error: ErrorReport,
     ) -> Rendered {
-        let size = self.frame.size();
-        let origins: Components<Grid<Origin>> = Components::from_fn(|component| {
-            Grid::from_fn(size, |pixel| match reasons[component][size.index(pixel)] {
-                _ if self.frame.surfaces()[pixel].is_none() => Origin::None,
-                Reason::Interpolated => Origin::Interpolated,
-                reason if reason.is_reuse() => Origin::Known,
-                _ => Origin::Traced,
-            })
-        });
+        let origins = origins(self.frame, &reasons);
         let traced = Components::from_fn(|component| {
             origins[component].values().iter().filter(|&&o| o == Origin::Traced).count() as u64
         });
@@ -158,4 +150,20 @@ impl<'x, 'a> Account<'x, 'a> {
             adaptive,
         }
     }
+}
+
+/// Where the values of each pixel come from.
+pub(crate) fn origins(
+    frame: &Frame<'_>,
+    reasons: &Components<Vec<Reason>>,
+) -> Components<Grid<Origin>> {
+    let size = frame.size();
+    Components::from_fn(|component| {
+        Grid::from_fn(size, |pixel| match reasons[component][size.index(pixel)] {
+            _ if frame.surfaces()[pixel].is_none() => Origin::None,
+            Reason::Interpolated => Origin::Interpolated,
+            reason if reason.is_reuse() => Origin::Known,
+            _ => Origin::Traced,
+        })
+    })
 }

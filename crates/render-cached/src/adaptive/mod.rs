@@ -24,7 +24,7 @@ use crate::Args;
 use crate::frame::Frame;
 use crate::render::{Progress, Rendered};
 
-pub(crate) use account::{Account, ErrorReport};
+pub(crate) use account::{Account, ErrorReport, origins};
 pub(crate) use view::View;
 
 use holdout::HeldOut;

@@ -205,3 +205,58 @@ fn parts_that_cannot_be_are_wrong_usage() {
         "cannot tell the format of a.gif; end its name in .exr or .png",
     );
 }
+
+#[test]
+fn tiles_of_mode_adaptive_are_those_of_the_whole() {
+    let bench = Bench::new();
+    let run = RUN.replace("150x90", "220x150");
+    for options in ["", "--supersample 2 --filter tent --error 0.03"] {
+        let options = format!("{run} --mode adaptive {options}");
+        bench.run(&format!("{options} -o whole.exr --force -t 1"));
+        bench.run(&format!("{options} --save-layers a.layers --force -t 2"));
+        let names: Vec<String> = (1..=5).map(|i| format!("{i}.exr")).collect();
+        for (i, name) in (1..).zip(&names) {
+            let tile = format!("--from-layers a.layers --tile {i}/5 -o {name} --force");
+            bench.run(&format!("{options} {tile}"));
+        }
+        bench.run(&format!("assemble {} -o a.exr --force", names.join(" ")));
+        assert!(bench.read("a.exr") == bench.read("whole.exr"), "{options}");
+        bench.run(&format!("{options} --from-layers a.layers -o again.exr --force"));
+        assert!(bench.read("again.exr") == bench.read("whole.exr"), "{options}");
+    }
+
+    let options = format!("{run} --mode adaptive");
+    bench.refuses(
+        &format!("{options} --tile 1/2 -o b.exr"),
+        2,
+        "mode adaptive looks at the whole picture: save it with --save-layers and without --tile or --crop, \
+         then give --from-layers with them",
+    );
+    bench.refuses(
+        &format!("{run} --mode original --save-layers b.layers"),
+        2,
+        "--save-layers and --from-layers need --mode adaptive with an --error above 0",
+    );
+    let message =
+        refusal(&bench, &format!("{options} --from-layers a.layers --tile 1/2 -o b.exr"), 1);
+    assert!(
+        message.starts_with("render-cached: a.layers is of another picture: of render-cached "),
+        "{message}"
+    );
+    // The command in the message makes what is asked for.
+    let remedy = message.trim_end().split("make it anew with: render-cached ").nth(1).unwrap();
+    bench.run(remedy);
+    bench.run(&format!("{options} --from-layers a.layers --tile 1/2 -o b.exr"));
+    let message = refusal(
+        &bench,
+        &format!("{options} --seed 3 --from-layers a.layers --tile 1/2 -o c.exr"),
+        1,
+    );
+    assert!(message.contains("a.layers is stale: the seed changed"), "{message}");
+    let mut bad = bench.read("a.layers");
+    *bad.last_mut().unwrap() ^= 4;
+    bench.write("a.layers", bad);
+    let message =
+        refusal(&bench, &format!("{options} --from-layers a.layers --tile 1/2 -o c.exr"), 1);
+    assert!(message.starts_with("render-cached: a.layers is damaged: "), "{message}");
+}

@@ -1,0 +1,167 @@
+//! The file of what mode adaptive has found out about a whole picture, for tiles to be made of.
+//!
+//! Mode adaptive decides for the whole picture: what a mirror shows is looked up in the view, edges are followed wherever
+//! they lead, and the error is that of all pixels. So one task computes, and tiles take from its file what they show.
+
+use std::path::Path;
+
+use anyhow::bail;
+use base::{Component, Components, Grid, ImageSize, Inventory, Pixel, Rgb, Window};
+use cache_map::Reason;
+use cli::Seconds;
+use mapfile::{Header, MapFile, Section};
+use serde::{Deserialize, Serialize};
+use shade::Counts;
+
+use crate::adaptive::{ErrorReport, origins};
+use crate::frame::Frame;
+use crate::render::{AdaptiveLayers, Rendered};
+use crate::{Args, output};
+
+const KIND: &str = "finished layers";
+const VERSION: u32 = 1;
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Metadata {
+    inventory: Inventory,
+    /// The command that makes the picture: all that decides its pixels.
+    picture: String,
+    /// In subpixels.
+    size: ImageSize,
+    error: ErrorReport,
+}
+
+/// Saves a whole picture that mode adaptive has rendered. `inputs` is all that its pixels depend on, the options aside.
+///
+/// # Errors
+/// When the file can't be written.
+pub(crate) fn save(
+    path: &Path,
+    args: &Args,
+    rendered: &Rendered,
+    layers: &AdaptiveLayers,
+    inputs: &Inventory,
+) -> anyhow::Result<()> {
+    let numbers = |reasons: &Vec<Reason>| reasons.iter().map(|&r| r as u8).collect::<Vec<u8>>();
+    let reasons = Components::from_fn(|component| numbers(&layers.reasons[component]));
+    let names = Component::ALL.map(names);
+    let mut sections = Vec::new();
+    for (component, [values, reason, level]) in Component::ALL.into_iter().zip(&names) {
+        sections.push(Section::new(values, rendered.values[component].values()));
+        sections.push(Section::new(reason, &reasons[component]));
+        sections.push(Section::new(level, &layers.levels[component]));
+    }
+    let size = rendered.values.direct.size();
+    let header = Header {
+        kind: KIND.into(),
+        version: VERSION,
+        made_by: concat!("render-cached ", env!("CARGO_PKG_VERSION")).into(),
+        command: output::layers_command(args, Path::new("{file}")),
+        inputs: inputs.fingerprint(),
+        notes: vec![
+            ("width".into(), size.width.to_string()),
+            ("height".into(), size.height.to_string()),
+        ],
+    };
+    let metadata = Metadata {
+        inventory: inputs.clone(),
+        picture: output::command(args),
+        size,
+        error: layers.error,
+    };
+    mapfile::write(path, args.common.existing(), &header, &metadata, &sections)?;
+    Ok(())
+}
+
+/// The pixels of a frame, from the file that [`save`] has written of the whole picture.
+///
+/// # Errors
+/// When the file can't be read, or is of another picture.
+pub(crate) fn open(
+    path: &Path,
+    args: &Args,
+    frame: &Frame<'_>,
+    inputs: &Inventory,
+) -> anyhow::Result<Rendered> {
+    let (file, metadata) = MapFile::open::<Metadata>(path, KIND, VERSION)?;
+    file.check_inputs(&metadata.inventory, inputs)?;
+    let (there, asked) = (&metadata.picture, output::command(args));
+    if *there != asked {
+        bail!(
+            "{} is of another picture: of {there}, and not of {asked}; make it anew with: {}",
+            path.display(),
+            output::layers_command(args, path)
+        );
+    }
+    let window = frame.window();
+    if metadata.size != window.whole {
+        bail!(file.corrupt("it is of another size than it says"));
+    }
+    let mut values = Components::from_fn(|_| Grid::from_fn(window.size, |_| Rgb::BLACK));
+    let mut reasons: Components<Vec<Reason>> = Components::from_fn(|_| Vec::new());
+    let mut levels: Components<Vec<u8>> = Components::from_fn(|_| Vec::new());
+    for component in Component::ALL {
+        let [of_values, of_reasons, of_levels] = names(component);
+        let (v, r, l) = (
+            file.array::<Rgb>(&of_values)?,
+            file.array::<u8>(&of_reasons)?,
+            file.array::<u8>(&of_levels)?,
+        );
+        if [v.len(), r.len(), l.len()] != [window.whole.n_pixels(); 3] {
+            bail!(file.corrupt(format!("{component} light hasn't a value for each pixel")));
+        }
+        let found: Option<Vec<Reason>> = cut(&r, window).into_iter().map(reason).collect();
+        let Some(found) = found else {
+            bail!(file.corrupt(format!("{component} light was computed for no known reason")));
+        };
+        values[component] = Grid::from_values(window.size, cut(&v, window));
+        (reasons[component], levels[component]) = (found, cut(&l, window));
+    }
+    let origins = origins(frame, &reasons);
+    let adaptive = Some(AdaptiveLayers { reasons, levels, error: metadata.error });
+    Ok(Rendered {
+        values,
+        origins,
+        traced: Components::default(),
+        counts: Counts::default(),
+        seconds: Components::<Seconds>::default(),
+        cache: Seconds::default(),
+        adaptive,
+    })
+}
+
+/// The names of the arrays of a component: values, reasons, levels.
+fn names(component: Component) -> [String; 3] {
+    ["values", "reasons", "levels"].map(|array| format!("{component}.{array}"))
+}
+
+/// What lies in a window.
+fn cut<T: Copy>(whole: &[T], window: Window) -> Vec<T> {
+    let ImageSize { width, height } = window.size;
+    let row = |y: u32| {
+        let start = window.whole.index(window.in_whole(Pixel { x: 0, y }));
+        &whole[start..start + width as usize]
+    };
+    (0..height).flat_map(row).copied().collect()
+}
+
+/// The reason of this number.
+fn reason(number: u8) -> Option<Reason> {
+    use Reason::{
+        Edge, Error, HoldOut, Interpolated, Lattice, Nearby, NoNeighbours, Reused, Verification,
+        Whole,
+    };
+    let all = [
+        Interpolated,
+        Lattice,
+        NoNeighbours,
+        Error,
+        Edge,
+        Verification,
+        HoldOut,
+        Reused,
+        Nearby,
+        Whole,
+    ];
+    all.into_iter().find(|&reason| reason as u8 == number)
+}
