@@ -87,8 +87,8 @@ boxes = [{ min = [-2, 0, -1], max = [-0.8, 1.4, 0], material = "white" }]
     let pair = Bench::of_files(&[("scene.toml", scene), ("sky.hdr", &image)], "50K")
         .both("--resolution 192x192 --shadow-rays 64");
     let flip = pair.difference("").flip;
-    let of = |p| metadata(p)["rays"]["shadow"].as_u64().unwrap();
-    let (ours, theirs) = (of(&pair.adaptive), of(&pair.original));
+    let of = |stats: &Value| stats["rays"]["shadow"].as_u64().unwrap();
+    let [ours, theirs] = pair.stats.each_ref().map(of);
     println!("image: {ours} shadow rays, {theirs} in mode original; {flip:?}");
     if flip.mean > 0.015 {
         panic!("{flip:?}, see {}", pair.show("adaptive-image", "").display());
