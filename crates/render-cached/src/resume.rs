@@ -67,7 +67,11 @@ impl Resume {
         if let Some(path) = &args.paper.from_cache {
             settings.push(("the file of --from-cache".into(), digest_of_header(path)?.to_string()));
         }
-        let output = args.output.first().or(args.paper.save_cache.as_ref());
+        let output = args
+            .output
+            .first()
+            .or(args.paper.save_cache.as_ref())
+            .or(args.paper.save_layers.as_ref());
         let journal = Arc::new(Journal::open(
             output.map(|path| path.as_path()),
             args.journal,
