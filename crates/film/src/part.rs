@@ -2,7 +2,7 @@
 //!
 //! The metadata of a part are `{"part":{"digest":"..."},"picture":...}`, with those of the picture at the end as they
 //! are. The digest is of everything: a part may lie on any disk for any time before it is joined with others, and the
-//! format itself notices only damage to what is compressed.
+//! format itself doesn't notice damage to what isn't compressed.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -50,7 +50,7 @@ impl Part {
             let end_y = y.checked_add(side(data.size.height())?)?;
             let is_ours = display.position.x() == 0
                 && display.position.y() == 0
-                && header.compression == Compression::ZIP16
+                && header.compression == Compression::Uncompressed
                 && header.blocks == BlockDescription::ScanLines
                 && header.line_order == LineOrder::Increasing
                 && header.channels.list.iter().all(|c| c.sample_type == SampleType::F32);

@@ -25,20 +25,18 @@ use crate::{Error, Picture};
 /// It is the only one outside the standard: the exr crate keeps those in a hash map, and two would come out in either order.
 pub(crate) const METADATA_ATTRIBUTE: &str = "tetralux";
 
-/// The most blocks of 16 lines that are compressed at once: leaves work for every thread.
+/// The most blocks that are compressed at once: leaves work for every thread.
 const BLOCKS_AT_ONCE: usize = 32;
 
 /// About so many bytes are compressed at once, or one block: bounds the memory.
 const BYTES_AT_ONCE: usize = 1 << 28;
 
-/// Lines of a block.
-const LINES: usize = 16;
-
 /// Writes `picture` as one part of 32-bit float channels, in ZIP blocks of 16 scan lines. Returns the number of bytes.
 ///
 /// The channels are sorted by name, as the format asks. The same picture gives the same bytes. The metadata goes into
 /// the string attribute `tetralux`. What is a part of a picture has that part as its data window, the whole picture as its
-/// display window, and a digest of all that it holds beside its metadata: see [`Part`](crate::Part).
+/// display window, and a digest of all that it holds beside its metadata: see [`Part`](crate::Part). It isn't compressed: that
+/// takes longer than a tile's pixels do in mode adaptive, and is done once, when parts are joined.
 ///
 /// # Errors
 /// When a value is NaN or infinite, when there are no pixels, or when the file cannot be written.
@@ -86,15 +84,16 @@ pub(crate) fn write_rows<T: AsRef<[f32]> + Sync>(
     mut rows: impl FnMut(Range<usize>) -> Result<Vec<T>, Error>,
 ) -> Result<u64, Error> {
     let (width, height) = (header.layer_size.width(), header.layer_size.height());
-    let block_bytes = header.channels.bytes_per_pixel * width * LINES;
+    let lines = header.compression.scan_lines_per_block();
+    let block_bytes = header.channels.bytes_per_pixel * width * lines;
     let blocks_at_once = (BYTES_AT_ONCE / block_bytes.max(1)).clamp(1, BLOCKS_AT_ONCE);
     let mut failure = None;
     let written = atomic_file::write(path, existing, |out| {
         exr::block::write(out, [header].into_iter().collect(), true, |meta, writer| {
             let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
             for (i, blocks) in blocks.chunks(blocks_at_once).enumerate() {
-                let first = i * blocks_at_once * LINES;
-                let last = (first + blocks.len() * LINES).min(height);
+                let first = i * blocks_at_once * lines;
+                let last = (first + blocks.len() * lines).min(height);
                 let values = rows(first..last).map_err(|error| {
                     let message = error.to_string();
                     failure = Some(error);
@@ -147,9 +146,11 @@ pub(crate) fn header<'a>(
         quantize_linearly: false,
         sampling: (1, 1).into(),
     });
+    let compression =
+        if window.is_whole() { Compression::ZIP16 } else { Compression::Uncompressed };
     let display = IntegerBounds::from_dimensions((whole.width as usize, whole.height as usize));
     Header::new(Text::default(), (size.width as usize, size.height as usize), channels.collect())
-        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
+        .with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing)
         .with_attributes(attributes)
         .with_display_window(display)
 }
