@@ -216,11 +216,16 @@ pub(crate) fn for_each<I: Sync, T: Send>(
             watch(items.len() as u64).then_some((values?, work.counts))
         })
         .collect();
-    let mut all = Vec::with_capacity(items.len());
+    chunks.map(|chunks| join(chunks, items.len())).ok_or(Interrupted)
+}
+
+/// The values of chunks of so many items in order, and all work together.
+pub(crate) fn join<T>(chunks: Vec<(Vec<T>, Counts)>, n: usize) -> (Vec<T>, Counts) {
+    let mut all = Vec::with_capacity(n);
     let mut counts = Counts::default();
-    for (values, c) in chunks.ok_or(Interrupted)? {
+    for (values, c) in chunks {
         all.extend(values);
         counts += c;
     }
-    Ok((all, counts))
+    (all, counts)
 }

@@ -18,7 +18,7 @@ use cli::{Console, Interrupt, Journal};
 use rayon::prelude::*;
 use shade::Counts;
 
-use crate::frame::CHUNK;
+use crate::frame::{CHUNK, join};
 use crate::{Args, output};
 
 /// What an interrupted run leaves undone.
@@ -106,13 +106,7 @@ impl Resume {
                 Some(done)
             })
             .collect();
-        let mut all = Vec::with_capacity(items.len());
-        let mut counts = Counts::default();
-        for (values, c) in chunks.ok_or(Interrupted)? {
-            all.extend(values);
-            counts += c;
-        }
-        Ok((all, counts))
+        chunks.map(|chunks| join(chunks, items.len())).ok_or(Interrupted)
     }
 
     /// To be called when all outputs are written.
