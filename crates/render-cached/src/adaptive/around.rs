@@ -8,7 +8,7 @@
 use base::{Interrupted, Rgb, hash_u64};
 use cache_map::{Nearby, Reason, RecordIndex, RecordPoint, Records, SurfacePoint};
 
-use super::Account;
+use rayon::prelude::*;
 
 /// Ends may be told from as far away as this part of the scene's diagonal.
 const REACH: f32 = 1.0 / 40.0;
@@ -44,12 +44,12 @@ impl Around {
     /// What was told counts as interpolated.
     ///
     /// Of many a part comes first, so that it can tell of the rest; which one depends on their numbers only.
-    pub(crate) fn fill(
+    pub(crate) fn fill<A>(
         &mut self,
-        account: &mut Account<'_, '_>,
+        account: &mut A,
         places: &[(u32, SurfacePoint)],
         is_good: impl Fn(usize, &Nearby<Rgb>) -> bool + Sync,
-        mut compute: impl FnMut(&mut Account<'_, '_>, &[usize]) -> Result<Vec<Known>, Interrupted>,
+        mut compute: impl FnMut(&mut A, &[usize]) -> Result<Vec<Known>, Interrupted>,
     ) -> Result<Vec<Known>, Interrupted> {
         let mut values = vec![(Rgb::BLACK, None); places.len()];
         let mut rest: Vec<usize> = (0..places.len()).collect();
@@ -57,10 +57,11 @@ impl Around {
         while !rest.is_empty() {
             let is_first = |&n: &usize| hash_u64(0, u64::from(places[n].0)).is_multiple_of(one_in);
             let (first, others) = rest.into_iter().partition::<Vec<_>, _>(is_first);
-            let told = account.overhead(&first, |&n, _| {
+            let tell = |&n: &usize| {
                 let near = self.records.near(&self.index, &places[n].1, self.reach)?;
                 is_good(n, &near).then_some(near.value)
-            })?;
+            };
+            let told: Vec<Option<Rgb>> = first.par_iter().map(tell).collect();
             let mut missing = Vec::new();
             for (&n, told) in first.iter().zip(told) {
                 match told {
@@ -87,5 +88,43 @@ impl Around {
             self.records = self.records.with(std::mem::take(&mut self.new));
             self.index = self.records.index();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::{Rng, Stream};
+    use glam::Vec3;
+
+    #[test]
+    fn what_agrees_is_told_and_an_edge_is_computed() {
+        let mut rng = Rng::new(0, Stream::Test, 0);
+        let mut place = |number| {
+            let position = Vec3::new(rng.next_f32(), rng.next_f32(), 0.0);
+            (number, SurfacePoint { position, normal: Vec3::Z })
+        };
+        let places: Vec<_> = (0..4000).map(&mut place).collect();
+        let truth = |n: usize| Rgb::splat(if places[n].1.position.x < 0.5 { 1.0 } else { 3.0 });
+        let mut around = Around::new(4.0);
+        let is_good = |_, near: &Nearby<Rgb>| near.span < 0.1;
+        let compute = |n_computed: &mut usize, missing: &[usize]| {
+            *n_computed += missing.len();
+            Ok(missing.iter().map(|&n| (truth(n), None)).collect())
+        };
+        let mut n_computed = 0;
+        let values = around.fill(&mut n_computed, &places, is_good, compute).unwrap();
+        let n_told = values.iter().filter(|v| v.1 == Some(Reason::Interpolated)).count();
+        assert!(n_told > 2000 && n_told + n_computed == 4000, "{n_told}, {n_computed}");
+        for (n, (value, _)) in values.into_iter().enumerate() {
+            assert!((value - truth(n)).luminance().abs() < 1e-4, "{n}: {value:?}");
+        }
+        // What nobody has computed tells nothing.
+        let mut around = Around::new(4.0);
+        let borrow = |_: &mut (), missing: &[usize]| {
+            Ok(missing.iter().map(|&n| (truth(n), Some(Reason::Nearby))).collect())
+        };
+        let values = around.fill(&mut (), &places, is_good, borrow).unwrap();
+        assert!(values.iter().all(|v| v.1 == Some(Reason::Nearby)));
     }
 }
