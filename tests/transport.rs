@@ -15,7 +15,7 @@ use crate::scenes::{
 pub(crate) fn from_file(name: &str) -> Parts {
     let path: PathBuf =
         [env!("CARGO_MANIFEST_DIR"), "..", "scenes", name, "scene.toml"].iter().collect();
-    let options = scene::Options { definitions: Vec::new(), lenient: false };
+    let options = scene::Options { definitions: Vec::new(), lenient: false, no_external: false };
     let (parts, warnings) = scene::load_parts(Path::new(&path), &options).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     parts

@@ -1,16 +1,21 @@
 //! What the fuzz targets share: files in memory, and seals that vouch for what was changed.
 
+pub mod programs;
+
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh3::xxh3_64;
 
+/// What the name of [`folder`] starts with; ten digits follow.
+const STEM: &str = "tetralux-fuzz-";
+
 /// A folder of this process, in memory where the system has such.
 pub fn folder() -> PathBuf {
     let memory = Path::new("/dev/shm");
     let parent = if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() };
-    let folder = parent.join(format!("tetralux-fuzz-{}", std::process::id()));
+    let folder = parent.join(format!("{STEM}{:010}", std::process::id()));
     fs::create_dir_all(&folder).expect("a folder for the inputs");
     folder
 }
@@ -22,6 +27,18 @@ pub fn file(name: &str, bytes: &[u8]) -> PathBuf {
     let _ = fs::remove_file(&path);
     fs::write(&path, bytes).expect("a file for the input");
     path
+}
+
+/// The bytes with the folder of another process, wherever they name it, replaced by that of this one.
+pub fn at_home(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let number = format!("{:010}", std::process::id());
+    for at in 0..bytes.len().saturating_sub(STEM.len() + number.len()) {
+        if bytes[at..].starts_with(STEM.as_bytes()) {
+            bytes[at + STEM.len()..at + STEM.len() + number.len()].copy_from_slice(number.as_bytes());
+        }
+    }
+    bytes
 }
 
 /// The bytes with every digest of a map made to fit, as far as they still are one: what lies behind the digests is to

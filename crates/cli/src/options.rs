@@ -16,7 +16,7 @@ pub enum Verbosity {
     Verbose,
 }
 
-/// How a scene of Mitsuba is read.
+/// How a scene is read.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct SceneOptions {
     /// Give $NAME of a scene of Mitsuba a value
@@ -25,10 +25,13 @@ pub struct SceneOptions {
     /// Replace what a scene of Mitsuba has and Tetralux doesn't, and say so, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
+    /// Refuse a scene that names files outside its folder: for scenes from strangers
+    #[arg(long)]
+    pub no_external: bool,
 }
 
 impl SceneOptions {
-    /// The words of a command line that give these options.
+    /// The words of a command line that give the options which say what the scene is.
     pub fn words(&self) -> Vec<String> {
         let definitions = self.define.iter().map(|(name, value)| format!("-D{name}={value}"));
         definitions.chain(self.lenient.then(|| "--lenient".into())).collect()

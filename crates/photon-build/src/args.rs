@@ -47,7 +47,7 @@ pub struct Args {
     /// Trace share I of N only, and save it for `photon-build merge`, which makes of all N what one run makes
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Share>,
-    /// How a scene of Mitsuba is read.
+    /// How the scene is read.
     #[command(flatten)]
     pub scene_options: SceneOptions,
     /// What survives an end.

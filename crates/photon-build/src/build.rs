@@ -36,8 +36,8 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
     cli::check_outputs(&outputs, &[scene_path], args.common.existing())?;
     let pool = args.common.thread_pool()?;
 
-    let cli::SceneOptions { define, lenient } = args.scene_options.clone();
-    let options = scene::Options { definitions: define, lenient };
+    let cli::SceneOptions { define, lenient, no_external } = args.scene_options.clone();
+    let options = scene::Options { definitions: define, lenient, no_external };
     let (parts, warnings) = pool.install(|| scene::load_parts(scene_path, &options))?;
     warnings.iter().try_for_each(|w| console.warn(w))?;
     let load = clock.lap();

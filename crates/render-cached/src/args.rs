@@ -65,7 +65,7 @@ pub struct Args {
     /// What survives an end.
     #[command(flatten)]
     pub journal: JournalOptions,
-    /// How a scene of Mitsuba is read.
+    /// How the scene is read.
     #[command(flatten)]
     pub scene_options: SceneOptions,
     /// Options that all programs have.

@@ -161,8 +161,8 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         bail!(WrongUsage("a scene and its photon maps are needed".into()));
     };
 
-    let cli::SceneOptions { define, lenient } = args.scene_options.clone();
-    let options = scene::Options { definitions: define, lenient };
+    let cli::SceneOptions { define, lenient, no_external } = args.scene_options.clone();
+    let options = scene::Options { definitions: define, lenient, no_external };
     let loaded = scene::load_with(scene_path, &options)?;
     loaded.warnings.iter().try_for_each(|w| console.warn(w))?;
     let scene = loaded.scene;

@@ -14,6 +14,7 @@ mod mtl;
 mod obj;
 mod ply;
 mod polygon;
+mod reach;
 mod shapes;
 mod source;
 mod tables;
@@ -25,6 +26,7 @@ mod whole;
 use std::path::Path;
 
 use assembly::Assembly;
+use reach::Reach;
 use source::Source;
 use tables::SceneFile;
 
@@ -39,13 +41,21 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
-/// What only scenes of Mitsuba take.
+/// How a scene is read.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Values of parameters, `$name` in the file, by name.
+    /// Of a scene of Mitsuba: values of parameters, `$name` in the file, by name.
     pub definitions: Vec<(String, String)>,
-    /// Whether what isn't supported is replaced, with a warning each, instead of refused.
+    /// Of a scene of Mitsuba: whether what isn't supported is replaced, with a warning each, instead of refused.
     pub lenient: bool,
+    /// Whether all that is read must lie in the folder of the scene file, or below.
+    pub no_external: bool,
+}
+
+impl Options {
+    fn reach(&self, scene: &Path) -> Reach {
+        if self.no_external { Reach::beside(scene) } else { Reach::Everything }
+    }
 }
 
 /// Reads a scene file: `scene.toml`, or a scene of Mitsuba if its name ends in `.xml`.
@@ -195,13 +205,19 @@ pub struct Options {
 /// Triangles without area and copies of others are dropped with a warning. Glass must be closed: where it isn't, a
 /// warning counts the open edges. Glass that is inside out is turned around.
 ///
+/// # What is read
+///
+/// The scene file; what it includes; the meshes, images and libraries (`mtllib`) that these name, relative to the file that
+/// names them: regular files, by whatever path, unless [`Options::no_external`] says that all must lie in the folder of the scene
+/// file or below it, once links are followed. Nothing else is read, nothing is written, and no program is started.
+///
 /// # Errors
 ///
 /// Whatever keeps the scene from being rendered: files that can't be read, syntax, values out of range, a scene without
 /// light or surfaces, a camera shut in by something dark. Every message names file, line and column, or the object, and
 /// what to do. Memory is proportional to the size of the files; no file makes this function panic.
 pub fn load(path: &Path) -> Result<Loaded, Error> {
-    load_with(path, &Options { definitions: Vec::new(), lenient: false })
+    load_with(path, &Options { definitions: Vec::new(), lenient: false, no_external: false })
 }
 
 /// Reads a scene file as [`load`] does.
@@ -227,7 +243,7 @@ pub fn load_parts(path: &Path, options: &Options) -> Result<(Parts, Vec<String>)
         let fault = "only scenes of Mitsuba (.xml) take -D and --lenient; leave them out";
         return Err(Error::whole(path, fault));
     }
-    let source = Source::read(path)?;
+    let source = Source::read(path, &options.reach(path))?;
     let file: SceneFile = toml::from_str(source.text()).map_err(|e| source.syntax(&e))?;
     let camera = view::camera(&source, &file.camera)?;
     let mut assembly = Assembly::new(&source);

@@ -97,7 +97,7 @@ fn load_files(files: &[(&str, &str)], options: &Options) -> Result<Loaded, Strin
 
 fn options(definitions: &[(&str, &str)], lenient: bool) -> Options {
     let pair = |(name, value): &(&str, &str)| (name.to_string(), value.to_string());
-    Options { definitions: definitions.iter().map(pair).collect(), lenient }
+    Options { definitions: definitions.iter().map(pair).collect(), lenient, no_external: false }
 }
 
 fn load(text: &str) -> Result<Loaded, String> {

@@ -8,6 +8,7 @@ use cache_map::{CacheMap, Origin, SurfacePoint};
 use film::{Existing, Picture};
 use glam::{Vec3, Vec3A};
 use photon_map::{Metadata, PhotonMaps, PhotonSet};
+use tetralux_fuzz::{folder, programs};
 
 fn main() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -39,6 +40,7 @@ fn main() {
     for (name, bytes) in plys() {
         write("ply", name, &bytes);
     }
+    on_the_way(&write);
     images(&into("image", ""), &into("exr", ""));
 }
 
@@ -70,8 +72,32 @@ fn photon_maps(path: &Path) {
         direct: Some(PhotonSet::build(&photons[..1])),
         caustic: PhotonSet::build(&photons[..33]),
         indirect: PhotonSet::build(&photons),
+        focused: None,
     };
     maps.save(path, Existing::Replace, "seeds", "make {file}").expect("a seed");
+}
+
+/// What the programs write and read on the way to a picture.
+fn on_the_way(write: &impl Fn(&str, &str, &[u8])) {
+    programs::prepare();
+    write("resume_photons", "whole", &programs::journal_of(programs::BUILD).1);
+    for (mode, line) in programs::RENDER.iter().enumerate() {
+        let pieces = programs::journal_of(line).1;
+        write("resume_picture", &mode.to_string(), &[&[mode as u8][..], &pieces].concat());
+    }
+    let settings = "#?tetralux-journal 1\n\"--seed\" = \"0\"\n\n";
+    let digest = Fingerprint::of(settings.as_bytes()).0.to_le_bytes();
+    let pieces = programs::pieces(&[3, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 7, 7, 7]);
+    write("journal", "whole", &[settings.as_bytes(), &digest, &pieces].concat());
+    let run = |line: &str, file: &str| -> Vec<u8> {
+        programs::run(line).expect("a sound run");
+        fs::read(folder().join(file)).expect("it was just written")
+    };
+    write("layers", "whole", &run(programs::LAYERS[0], "a.layers"));
+    let shard = format!("{} --shard 1/1", programs::BUILD);
+    write("shard", "whole", &run(&shard, "out.photons"));
+    let part = format!("{} --tile 1/1 -o FOLDER/a.exr", programs::RENDER[0]);
+    write("part", "whole", &run(&part, "a.exr"));
 }
 
 fn cache_map(path: &Path) {

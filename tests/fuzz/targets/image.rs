@@ -16,6 +16,6 @@ quads = [{{ corner = [-1, 0, -1], edges = [[0, 0, 2], [2, 0, 0]], material = "wh
 "#
     );
     let path = tetralux_fuzz::file("scene.toml", scene.as_bytes());
-    let options = Options { definitions: Vec::new(), lenient: false };
+    let options = Options { definitions: Vec::new(), lenient: false, no_external: false };
     let _ = std::hint::black_box(load_parts(&path, &options));
 });

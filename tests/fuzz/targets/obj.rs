@@ -13,6 +13,6 @@ fuzz_target!(|data: &[u8]| {
     tetralux_fuzz::file("a.obj", &data[..split]);
     tetralux_fuzz::file("a.mtl", data.get(split + 3..).unwrap_or_default());
     let path = tetralux_fuzz::file("scene.toml", SCENE.as_bytes());
-    let options = Options { definitions: Vec::new(), lenient: false };
+    let options = Options { definitions: Vec::new(), lenient: false, no_external: false };
     let _ = std::hint::black_box(load_parts(&path, &options));
 });

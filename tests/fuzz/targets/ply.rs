@@ -11,6 +11,6 @@ meshes = [{ file = "a.ply", material = "white" }]"#;
 fuzz_target!(|data: &[u8]| {
     tetralux_fuzz::file("a.ply", data);
     let path = tetralux_fuzz::file("scene.toml", SCENE.as_bytes());
-    let options = Options { definitions: Vec::new(), lenient: false };
+    let options = Options { definitions: Vec::new(), lenient: false, no_external: false };
     let _ = std::hint::black_box(load_parts(&path, &options));
 });

@@ -158,3 +158,31 @@ fn info_tells_what_is_not_a_map_of_photons() {
     refuses("none", "cannot read none: No such file or directory (os error 2)");
     refuses(".", "cannot read .: Is a directory (os error 21)");
 }
+
+#[test]
+fn a_scene_of_a_stranger_reads_its_folder_only() {
+    let bench = Bench::new();
+    fs::create_dir(bench.path("theirs")).unwrap();
+    bench.write(
+        "theirs/scene.toml",
+        format!("{SCENE}[[meshes]]\nfile = \"../mine.obj\"\nmaterial = \"white\"\n"),
+    );
+    bench.write("mine.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let line = SCENE.lines().count() + 2;
+    let args = "theirs/scene.toml --photons 10 -o a.photons";
+    bench.refuses(
+        &format!("{args} --no-external"),
+        1,
+        &format!(
+            "theirs/scene.toml:{line}:8: cannot read theirs/../mine.obj: it lies outside the folder of the scene, where \
+             nothing is read with --no-external; copy it there, or leave that option out if you trust the scene; \
+             paths are relative to the scene file"
+        ),
+    );
+    bench.run(args);
+    // It says nothing about what the scene is, so it leaves no trace.
+    bench.write("theirs/scene.toml", SCENE);
+    bench.run("theirs/scene.toml --photons 10 -o b.photons");
+    bench.run("theirs/scene.toml --photons 10 --no-external -o c.photons");
+    assert!(bench.read("b.photons") == bench.read("c.photons"));
+}

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use assert_cmd::assert::OutputAssertExt;
 
-use crate::bench::Bench;
+use crate::bench::{Bench, SMALL};
 
 #[test]
 fn what_is_missing_is_told() {
@@ -110,4 +110,20 @@ fn pictures_beyond_memory_are_refused() {
         .code(1)
         .stderr("render-cached: a picture of 5000x5000 pixels needs 10 GB of memory, which the system refuses; ask for fewer with --resolution or --supersample, or for parts with --tile\n");
     assert!(bench.files() == before);
+}
+
+#[test]
+fn a_scene_of_a_stranger_reads_its_folder_only() {
+    let bench = Bench::new();
+    bench.render("--mode original -o a.exr");
+    bench.render("--mode original --no-external -o b.exr");
+    assert!(bench.read("a.exr") == bench.read("b.exr"));
+    std::fs::create_dir(bench.path("theirs")).unwrap();
+    std::os::unix::fs::symlink(bench.path("scene.toml"), bench.path("theirs/scene.toml")).unwrap();
+    bench.refuses(
+        &format!("theirs/{SMALL} --no-external -o c.exr"),
+        1,
+        "cannot read theirs/scene.toml: it lies outside the folder of the scene, where nothing is read with --no-external; \
+         copy it there, or leave that option out if you trust the scene",
+    );
 }

@@ -7,7 +7,8 @@ use base::Rgb;
 use film::decode_srgb;
 use image::{DynamicImage, ImageFormat, ImageReader};
 
-use super::source::{MAX_LIGHT, read_bytes};
+use super::reach::Reach;
+use super::source::MAX_LIGHT;
 use crate::Texels;
 
 /// The largest side, in texels.
@@ -19,14 +20,14 @@ const MAX_TEXELS: u64 = 1 << 26;
 /// No format packs more texels into a byte: deflate at its best (1032 to 1) on one bit each.
 const MAX_TEXELS_PER_BYTE: u64 = 8 * 1032;
 
-/// Width, height and texels of a file, in rows from above; or why not, in words that name the file.
+/// Width, height and texels of a file in reach, in rows from above; or why not, in words that name the file.
 ///
 /// Integers are taken as sRGB unless `raw`, and floats as linear. Alpha is left out.
-pub(super) fn read(path: &Path, raw: bool) -> Result<([u32; 2], Texels), String> {
+pub(super) fn read(reach: &Reach, path: &Path, raw: bool) -> Result<([u32; 2], Texels), String> {
     let name = path.display();
     let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let format = match ending.as_deref() {
-        Some("exr") => return read_exr(path),
+        Some("exr") => return read_exr(reach, path),
         Some("png") => ImageFormat::Png,
         Some("jpg" | "jpeg") => ImageFormat::Jpeg,
         Some("tga") => ImageFormat::Tga,
@@ -38,7 +39,7 @@ pub(super) fn read(path: &Path, raw: bool) -> Result<([u32; 2], Texels), String>
             ));
         }
     };
-    let bytes = read_bytes(path).map_err(|cause| format!("cannot read {name}: {cause}"))?;
+    let bytes = reach.bytes(path).map_err(|cause| format!("cannot read {name}: {cause}"))?;
     // The ending may lie. Targa files begin with nothing of their own.
     let format = image::guess_format(&bytes).unwrap_or(format);
     let damaged = |e: image::ImageError| format!("cannot read {name}: {e}; save the file anew");
@@ -85,8 +86,12 @@ pub(super) fn read(path: &Path, raw: bool) -> Result<([u32; 2], Texels), String>
 }
 
 /// The same as linear values times a factor.
-pub(super) fn read_linear(path: &Path, factor: Rgb) -> Result<([u32; 2], Vec<Rgb>), String> {
-    let (size, texels) = read(path, false)?;
+pub(super) fn read_linear(
+    reach: &Reach,
+    path: &Path,
+    factor: Rgb,
+) -> Result<([u32; 2], Vec<Rgb>), String> {
+    let (size, texels) = read(reach, path, false)?;
     let colors: Vec<Rgb> = match texels {
         Texels::Bytes(bytes, values) => {
             let color = |c: &[u8; 3]| Rgb::from(c.map(|byte| values[usize::from(byte)])) * factor;
@@ -107,7 +112,8 @@ pub(super) fn read_linear(path: &Path, factor: Rgb) -> Result<([u32; 2], Vec<Rgb
     Ok((size, colors))
 }
 
-fn read_exr(path: &Path) -> Result<([u32; 2], Texels), String> {
+fn read_exr(reach: &Reach, path: &Path) -> Result<([u32; 2], Texels), String> {
+    reach.real(path).map_err(|cause| format!("cannot read {}: {cause}", path.display()))?;
     let grid = film::read_rgb(path, "").map_err(|e| e.to_string())?;
     let size = [grid.size().width, grid.size().height];
     check_size(path, size)?;
@@ -149,7 +155,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        read(&path, raw).map_err(|e| e.replace(&format!("{}/", folder.path().display()), ""))
+        read(&Reach::Everything, &path, raw)
+            .map_err(|e| e.replace(&format!("{}/", folder.path().display()), ""))
     }
 
     fn written(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
@@ -222,7 +229,8 @@ mod tests {
             let colors = vec![Rgb::new(0.1, 3.0, 0.0), Rgb::splat(value)];
             picture.push_rgb("", &base::Grid::from_values(size, colors));
             film::write_exr(&path, film::Existing::Replace, &picture).unwrap();
-            read(&path, false).map_err(|e| e.replace(&format!("{}/", folder.path().display()), ""))
+            read(&Reach::Everything, &path, false)
+                .map_err(|e| e.replace(&format!("{}/", folder.path().display()), ""))
         };
         assert_eq!(colors(&write(0.5).unwrap().1), [[0.1, 3.0, 0.0], [0.5; 3]]);
         assert_eq!(
@@ -265,7 +273,7 @@ mod tests {
             "the format of a.gif is unknown; use .png, .jpg, .tga, .bmp, .hdr or .exr"
         );
         assert_eq!(short("a.exr", b"GIF89a"), "a.exr is not an OpenEXR file");
-        let gone = read(Path::new("gone.png"), false).unwrap_err();
+        let gone = read(&Reach::Everything, Path::new("gone.png"), false).unwrap_err();
         assert_eq!(gone, "cannot read gone.png: there is no such file");
     }
 

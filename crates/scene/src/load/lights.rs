@@ -78,8 +78,9 @@ fn map(source: &Source, typed: &Typed<'_>, table: &LightTable) -> Result<Environ
         }
         None => DMat3::IDENTITY,
     };
-    let (size, texels) = image::read_linear(&source.resolve(file.get_ref()), factor)
-        .map_err(|fault| source.fault(file.span(), fault))?;
+    let (size, texels) =
+        image::read_linear(source.reach(), &source.resolve(file.get_ref()), factor)
+            .map_err(|fault| source.fault(file.span(), fault))?;
     Ok(EnvironmentMap::new(size, texels, to_world.as_mat3().into()))
 }
 

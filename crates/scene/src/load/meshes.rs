@@ -7,7 +7,6 @@ use super::assembly::Assembly;
 use super::mesh_checks::{check_hull, drop_useless, repair_normals};
 use super::obj::{self, Materials};
 use super::ply;
-use super::source::read_bytes;
 use super::tables::MeshTable;
 use crate::{Error, Specular};
 
@@ -24,7 +23,7 @@ pub(super) fn add(
     let material = table.material.as_ref().map(|m| assembly.material(m, &object)).transpose()?;
     let path = source.resolve(table.file.get_ref());
     let bytes = || {
-        read_bytes(&path).map_err(|cause| {
+        source.reach().bytes(&path).map_err(|cause| {
             let fault = format!(
                 "cannot read {}: {cause}; paths are relative to the scene file",
                 path.display()
@@ -38,7 +37,7 @@ pub(super) fn add(
         Some("obj") => {
             let wanted = match material {
                 Some(_) => Materials::Ignored { textured },
-                None => Materials::FromLibraries,
+                None => Materials::FromLibraries(source.reach()),
             };
             let obj = obj::read(&path, &bytes()?, wanted)?;
             assembly.warnings.extend(obj.warnings);

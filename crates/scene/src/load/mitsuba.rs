@@ -26,7 +26,7 @@ const MAX_REFERENCES: usize = 32;
 
 /// Reads a scene.
 pub(super) fn read(path: &Path, options: &Options) -> Result<(Parts, Vec<String>), Error> {
-    let document = Document::read(path, &options.definitions)?;
+    let document = Document::read(path, &options.reach(path), &options.definitions)?;
     let mut context = Context::new(&document, options.lenient)?;
     let mut sensors = Vec::new();
     for element in &document.elements {

@@ -13,6 +13,7 @@ use base::Rgb;
 
 use super::lines::{Statement, TextFile, decode, statements};
 use super::materials::IOR_RANGE;
+use super::reach::Reach;
 use crate::{Error, Material, Specular, Texture};
 use map::Map;
 
@@ -119,10 +120,12 @@ impl Library {
         self.by_name.keys().map(String::as_str)
     }
 
-    /// What we make of material number `index`, the texture that colors it, and what its author should know about it.
+    /// What we make of material number `index`, the texture that colors it, which must be in reach, and what its author
+    /// should know about it.
     pub(super) fn material(
         &self,
         index: usize,
+        reach: &Reach,
     ) -> Result<(Material, Option<Texture>, Vec<String>), Error> {
         let Entry { line, material, map, roughness, warnings } = &self.entries[index];
         let name = &material.name;
@@ -195,9 +198,9 @@ impl Library {
             warnings.push(self.file.warning(*line, text));
         }
         let texture = match map {
-            Some((line, map)) if !albedo.is_black() => {
-                Some(map.read(&self.file.path).map_err(|fault| self.file.fault(*line, fault))?)
-            }
+            Some((line, map)) if !albedo.is_black() => Some(
+                map.read(&self.file.path, reach).map_err(|fault| self.file.fault(*line, fault))?,
+            ),
             Some((line, _)) => {
                 let text = format!(
                     "the map_Kd of material `{name}` is ignored, since there is no diffuse part that it could color"
@@ -348,7 +351,7 @@ mod tests {
     fn material(lines: &str) -> Result<(Material, Vec<String>), String> {
         let text = format!("newmtl a\n{lines}\n");
         Library::read(Path::new("l.mtl"), text.as_bytes())
-            .and_then(|library| library.material(0))
+            .and_then(|library| library.material(0, &Reach::Everything))
             .map(|(material, _, warnings)| (material, warnings))
             .map_err(|e| e.to_string())
     }

@@ -13,14 +13,15 @@ use glam::{Vec2, Vec3};
 
 use super::lines::TextFile;
 use super::polygon::triangulate;
+use super::reach::Reach;
 use crate::{Error, Material, Texture};
 use check::Checked;
 
 /// Whether the materials of an OBJ file are wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Materials {
-    /// From the libraries that the file names.
-    FromLibraries,
+pub(super) enum Materials<'a> {
+    /// From the libraries that the file names, which name images.
+    FromLibraries(&'a Reach),
     /// Not at all: another one takes their place.
     Ignored {
         /// Whether that one needs texture coordinates.
@@ -40,7 +41,7 @@ pub(super) struct Obj {
 }
 
 /// Reads the triangles of a file, and the materials of the libraries it names.
-pub(super) fn read(path: &Path, bytes: &[u8], materials: Materials) -> Result<Obj, Error> {
+pub(super) fn read(path: &Path, bytes: &[u8], materials: Materials<'_>) -> Result<Obj, Error> {
     let file = TextFile::new(path);
     let checked = Checked::new(&file, bytes, materials)?;
     let options = tobj::LoadOptions { single_index: true, ..Default::default() };
@@ -285,7 +286,7 @@ mod tests {
         let without = read(
             Path::new("a.obj"),
             format!("{CORNERS}f 1 2 3").as_bytes(),
-            Materials::FromLibraries,
+            Materials::FromLibraries(&Reach::Everything),
         );
         assert_eq!(
             without.unwrap_err().to_string(),
@@ -303,8 +304,12 @@ mod tests {
         write("d.mtl", "newmtl blue\nKd 0 0 1\n");
         let from = |text: &str| {
             let path = folder.path().join("a.obj");
-            read(&path, format!("{CORNERS}{text}").as_bytes(), Materials::FromLibraries)
-                .map_err(|e| e.to_string().replace(&format!("{}/", folder.path().display()), ""))
+            read(
+                &path,
+                format!("{CORNERS}{text}").as_bytes(),
+                Materials::FromLibraries(&Reach::Everything),
+            )
+            .map_err(|e| e.to_string().replace(&format!("{}/", folder.path().display()), ""))
         };
         let obj = from(
             "mtllib a b.mtl\nmtllib c.mtl d.mtl\nusemtl green\nf 1 2 3\nusemtl\tRed #1\nf 1 2 4\nf 1 3 4\nusemtl green\nf 2 3 4\n",

@@ -1,7 +1,5 @@
 //! The scene file's text: reading it, and checks of its values that know where each stands.
 
-use std::fs;
-use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -11,6 +9,7 @@ use serde::Deserialize;
 use serde::de::{Deserializer, SeqAccess, Visitor};
 use toml::Spanned;
 
+use super::reach::Reach;
 use crate::Error;
 
 /// No coordinate or length may be larger: the squares of areas must fit single precision.
@@ -18,24 +17,6 @@ pub(super) const MAX_LENGTH: f32 = 1e8;
 
 /// No radiance, intensity or irradiance may be larger: fluxes and their sums must fit single precision.
 pub(super) const MAX_LIGHT: f32 = 1e15;
-
-/// All bytes of a regular file, or the reason in words.
-pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {
-    let words = |error: io::Error| match error.kind() {
-        io::ErrorKind::NotFound => "there is no such file".to_string(),
-        io::ErrorKind::PermissionDenied => "permission denied".to_string(),
-        _ => error.to_string(),
-    };
-    let kind = fs::metadata(path).map_err(words)?;
-    if kind.is_dir() {
-        return Err("it is a folder; add the name of a file".into());
-    }
-    // A device may never end.
-    if !kind.is_file() {
-        return Err("it is not a regular file".into());
-    }
-    fs::read(path).map_err(words)
-}
 
 /// A color as written: one number for gray, or red, green and blue.
 #[derive(Clone, Copy, Debug)]
@@ -93,23 +74,31 @@ impl<'de> Visitor<'de> for Numbers {
 pub(super) struct Source {
     path: PathBuf,
     text: String,
+    reach: Reach,
 }
 
 impl Source {
-    pub(super) fn read(path: &Path) -> Result<Self, Error> {
+    /// Reads the file; what it names must be in reach as well as itself.
+    pub(super) fn read(path: &Path, reach: &Reach) -> Result<Self, Error> {
         let bytes =
-            read_bytes(path).map_err(|cause| Error::Read { path: path.to_path_buf(), cause })?;
+            reach.bytes(path).map_err(|cause| Error::Read { path: path.to_path_buf(), cause })?;
+        let reach = reach.clone();
         let text = String::from_utf8(bytes).map_err(|e| {
             let good = e.utf8_error().valid_up_to();
             let before = String::from_utf8_lossy(&e.as_bytes()[..good]).into_owned();
-            let source = Self { path: path.to_path_buf(), text: before };
+            let source = Self { path: path.to_path_buf(), text: before, reach: reach.clone() };
             source.fault(good..good, "the text is not UTF-8; save it in that encoding")
         })?;
-        Ok(Self { path: path.to_path_buf(), text })
+        Ok(Self { path: path.to_path_buf(), text, reach })
     }
 
     pub(super) fn text(&self) -> &str {
         &self.text
+    }
+
+    /// What the file may name.
+    pub(super) fn reach(&self) -> &Reach {
+        &self.reach
     }
 
     /// A path in the file is relative to the file.

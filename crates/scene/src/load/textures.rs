@@ -50,7 +50,7 @@ fn bitmap(source: &Source, typed: &Typed<'_>, table: &TextureTable) -> Result<Pa
     let wrap = choice(source, typed.object, "wrap", &table.wrap, &WRAPS)?;
     let file = typed.need(&table.file, "file")?;
     let raw = table.raw.as_ref().is_some_and(|raw| *raw.get_ref());
-    let (size, texels) = image::read(&source.resolve(file.get_ref()), raw)
+    let (size, texels) = image::read(source.reach(), &source.resolve(file.get_ref()), raw)
         .map_err(|fault| source.fault(file.span(), fault))?;
     Ok(Pattern::Bitmap { size, texels, filter, wrap })
 }

@@ -136,6 +136,7 @@ pub(super) fn flip(mesh: &mut Mesh) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::load::reach::Reach;
     use crate::load::shapes::cuboid;
     use geometry::MaterialId;
     use serde::Deserialize;
@@ -149,7 +150,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.toml");
         std::fs::write(&path, format!("t = {{ {text} }}")).unwrap();
-        let source = Source::read(&path).unwrap();
+        let source = Source::read(&path, &Reach::Everything).unwrap();
         let file: File = toml::from_str(source.text()).unwrap();
         affine(&source, "box `a`", &file.t).unwrap()
     }

@@ -84,8 +84,9 @@ fn map(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<EnvironmentMap, Err
         let text = format!("to_world of {} distorts it; only turn it or mirror it", plugin.title());
         return Err(fault(plugin.element.place, text));
     };
-    let path = context.document.source(file.place).resolve(file.attribute("value").unwrap_or(""));
-    let (size, texels) = image::read_linear(&path, Rgb::splat(scale as f32))
+    let source = context.document.source(file.place);
+    let path = source.resolve(file.attribute("value").unwrap_or(""));
+    let (size, texels) = image::read_linear(source.reach(), &path, Rgb::splat(scale as f32))
         .map_err(|text| fault(file.place, text))?;
     Ok(EnvironmentMap::new(size, texels, to_world.as_mat3().into()))
 }

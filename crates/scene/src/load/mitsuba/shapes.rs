@@ -12,7 +12,7 @@ use crate::Error;
 use crate::load::keys::list;
 use crate::load::mesh_checks::has_area;
 use crate::load::obj::{self, Materials};
-use crate::load::source::{MAX_LENGTH, read_bytes};
+use crate::load::source::MAX_LENGTH;
 use crate::load::{meshes, ply, shapes, transform};
 
 /// Sides of the polygons that stand for circles: their area is 0.04 % too small.
@@ -222,8 +222,9 @@ fn from_file<'d>(
         let fault = format!("{} needs a `filename`", plugin.title());
         return Err(context.document.fault(place, fault));
     };
-    let path = context.document.source(place).resolve(file);
-    let bytes = read_bytes(&path).map_err(|cause| {
+    let source = context.document.source(place);
+    let path = source.resolve(file);
+    let bytes = source.reach().bytes(&path).map_err(|cause| {
         context.document.fault(place, format!("cannot read {}: {cause}", path.display()))
     })?;
     let textured = context.assembly.is_textured(material);

@@ -59,11 +59,12 @@ fn bitmap(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<Pattern, Error> 
     let Some(file) = plugin.string("filename") else {
         return Err(fault(format!("{} needs a `filename`", plugin.title())));
     };
-    let path = context.document.source(element.place).resolve(file);
+    let source = context.document.source(element.place);
+    let path = source.resolve(file);
     let filter = choice(plugin, "filter_type", &FILTERS).map_err(fault)?;
     let wrap = choice(plugin, "wrap_mode", &WRAPS).map_err(fault)?;
     let raw = plugin.boolean(context, "raw")?;
-    let (size, texels) = image::read(&path, raw).map_err(fault)?;
+    let (size, texels) = image::read(source.reach(), &path, raw).map_err(fault)?;
     Ok(Pattern::Bitmap { size, texels, filter, wrap })
 }
 

@@ -8,6 +8,7 @@ use std::path::Path;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
+use super::super::reach::Reach;
 use super::super::source::Source;
 use crate::Error;
 
@@ -54,8 +55,12 @@ pub(super) struct Document {
 
 impl Document {
     /// Reads a file, with values for its parameters.
-    pub(super) fn read(path: &Path, definitions: &[(String, String)]) -> Result<Self, Error> {
-        let source = Source::read(path)?;
+    pub(super) fn read(
+        path: &Path,
+        reach: &Reach,
+        definitions: &[(String, String)],
+    ) -> Result<Self, Error> {
+        let source = Source::read(path, reach)?;
         let mut parser = Parser { sources: Vec::new(), parameters: BTreeMap::new() };
         for (name, value) in definitions {
             let parameter = Parameter { value: value.clone(), is_given: true, is_used: false };
@@ -243,8 +248,9 @@ impl Parser {
                     );
                     return Err(self.fault(element.place, fault));
                 }
-                let source =
-                    Source::read(&path).map_err(|e| self.fault(element.place, e.to_string()))?;
+                let reach = self.sources[element.place.file].reach();
+                let source = Source::read(&path, reach)
+                    .map_err(|e| self.fault(element.place, e.to_string()))?;
                 parent.children.extend(self.file(source, n_above + 1)?);
             }
             _ => parent.children.push(element),

@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::{Affine2, Vec2};
 
 use crate::load::image;
+use crate::load::reach::Reach;
 use crate::{Filter, Pattern, Texture, Wrap};
 
 /// Factors and offsets beyond this are typing errors.
@@ -61,14 +62,14 @@ impl Map {
     }
 
     /// The image, which is looked for beside the library.
-    pub(super) fn read(&self, library: &Path) -> Result<Texture, String> {
+    pub(super) fn read(&self, library: &Path, reach: &Reach) -> Result<Texture, String> {
         let folder = library.parent().unwrap_or(Path::new(""));
         let mut path = folder.join(&self.file);
         // Some programs write the separators of another system.
         if !path.exists() && self.file.contains('\\') {
             path = folder.join(self.file.replace('\\', "/"));
         }
-        let (size, texels) = image::read(&path, false)?;
+        let (size, texels) = image::read(reach, &path, false)?;
         let wrap = if self.clamp { Wrap::Clamp } else { Wrap::Repeat };
         Ok(Texture {
             placement: Affine2::from_scale_angle_translation(self.scale, 0.0, self.offset),

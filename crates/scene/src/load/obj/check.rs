@@ -8,7 +8,8 @@ use super::Materials;
 use crate::load::lines::{Statement, TextFile, decode, statements};
 use crate::load::mtl::Library;
 use crate::load::polygon::MAX_CORNERS;
-use crate::load::source::{MAX_LENGTH, read_bytes};
+use crate::load::reach::Reach;
+use crate::load::source::MAX_LENGTH;
 use crate::{Error, Material, Texture, TextureId};
 
 /// Statements without a meaning for us: points, lines, groups, levels of detail.
@@ -62,7 +63,7 @@ struct Face {
 /// What has been read so far.
 struct Checker<'a> {
     file: &'a TextFile,
-    materials: Materials,
+    materials: Materials<'a>,
     checked: Checked,
     libraries: Vec<Library>,
     /// Numbers in `checked.materials` by library and place in it.
@@ -76,7 +77,11 @@ struct Checker<'a> {
 }
 
 impl Checked {
-    pub(super) fn new(file: &TextFile, bytes: &[u8], materials: Materials) -> Result<Self, Error> {
+    pub(super) fn new(
+        file: &TextFile,
+        bytes: &[u8],
+        materials: Materials<'_>,
+    ) -> Result<Self, Error> {
         let mut checker = Checker {
             file,
             materials,
@@ -133,11 +138,15 @@ impl Checker<'_> {
                 self.end_object();
                 self.object.name = statement.name().to_string();
             }
-            "mtllib" if self.has_libraries() => self.open_libraries(statement)?,
-            "usemtl" if self.has_libraries() => {
-                self.material = Some(self.use_material(line, statement.name())?);
+            keyword @ ("mtllib" | "usemtl") => {
+                if let Materials::FromLibraries(reach) = self.materials {
+                    if keyword == "mtllib" {
+                        self.open_libraries(statement, reach)?;
+                    } else {
+                        self.material = Some(self.use_material(line, statement.name(), reach)?);
+                    }
+                }
             }
-            "mtllib" | "usemtl" => {}
             keyword if IGNORED.contains(&keyword) => {}
             keyword if FREE_FORM.contains(&keyword) => {
                 let warning = "free-form curves and surfaces are ignored; save the file as a mesh";
@@ -155,14 +164,12 @@ impl Checker<'_> {
         Ok(())
     }
 
-    fn has_libraries(&self) -> bool {
-        self.materials == Materials::FromLibraries
-    }
-
     /// Whether a material needs texture coordinates.
     fn is_textured(&self, material: usize) -> bool {
         match self.materials {
-            Materials::FromLibraries => self.checked.materials[material].albedo_texture.is_some(),
+            Materials::FromLibraries(_) => {
+                self.checked.materials[material].albedo_texture.is_some()
+            }
             Materials::Ignored { textured } => textured,
         }
     }
@@ -171,7 +178,7 @@ impl Checker<'_> {
         let line = statement.line;
         let material = match self.material {
             Some(material) => material,
-            None if self.has_libraries() => {
+            None if matches!(self.materials, Materials::FromLibraries(_)) => {
                 let fault = "the face has no material; add `usemtl`, or give the mesh a material in the scene file";
                 return Err(self.file.fault(line, fault));
             }
@@ -232,7 +239,7 @@ impl Checker<'_> {
     }
 
     /// `mtllib` with one name, which may hold blanks, or several.
-    fn open_libraries(&mut self, statement: &Statement<'_>) -> Result<(), Error> {
+    fn open_libraries(&mut self, statement: &Statement<'_>, reach: &Reach) -> Result<(), Error> {
         let folder = self.file.path.parent().unwrap_or(Path::new("")).to_path_buf();
         // Some programs write the separators of another system.
         let resolve = |name: &str| -> PathBuf {
@@ -246,7 +253,7 @@ impl Checker<'_> {
             statement.words().map(resolve).collect()
         };
         for path in paths {
-            let bytes = read_bytes(&path).map_err(|cause| {
+            let bytes = reach.bytes(&path).map_err(|cause| {
                 let fault = format!(
                     "cannot read {}: {cause}; or give the mesh a material in the scene file",
                     path.display()
@@ -259,7 +266,7 @@ impl Checker<'_> {
     }
 
     /// The number of a material, which comes from the last library that has it.
-    fn use_material(&mut self, line: usize, name: &str) -> Result<usize, Error> {
+    fn use_material(&mut self, line: usize, name: &str, reach: &Reach) -> Result<usize, Error> {
         let mut found = self.libraries.iter().enumerate().rev();
         let origin = found.find_map(|(i, library)| library.find(name).map(|m| (i, m)));
         let Some(origin) = origin else {
@@ -273,7 +280,8 @@ impl Checker<'_> {
         if let Some(&number) = self.numbers.get(&origin) {
             return Ok(number);
         }
-        let (mut material, texture, warnings) = self.libraries[origin.0].material(origin.1)?;
+        let (mut material, texture, warnings) =
+            self.libraries[origin.0].material(origin.1, reach)?;
         for warning in warnings {
             if !self.checked.warnings.contains(&warning) {
                 self.checked.warnings.push(warning);
