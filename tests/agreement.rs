@@ -13,10 +13,8 @@ use shade::{Settings, Shader};
 use crate::path_tracer::{self, Reference};
 use crate::renderer::{self, Rendering};
 
-/// The pictures that are compared.
-const SIZE: ImageSize = ImageSize { width: 64, height: 64 };
-/// Their blocks.
-const BLOCK: u32 = 16;
+/// Blocks of pictures along a side.
+const BLOCKS: u32 = 4;
 /// Renderings, each with photons and shadow rays of its own: their spread is the noise.
 const N_RENDERINGS: u32 = 16;
 
@@ -44,6 +42,14 @@ pub(crate) struct Case {
     pub(crate) photons: u64,
     /// The radius of all density estimates.
     pub(crate) radius: f32,
+    /// Pixels along a side, a multiple of four.
+    pub(crate) side: u32,
+}
+
+impl Case {
+    fn size(&self) -> ImageSize {
+        ImageSize { width: self.side, height: self.side }
+    }
 }
 
 /// Asserts that both pictures of a scene are the same: their emission, each component, and the sum.
@@ -58,7 +64,8 @@ pub(crate) fn assert_agreement_of_gathering(case: &Case, rays: u32) {
 
 fn assert_agreement_of(case: &Case, rendering: &dyn Fn(&Case, &Scene, u64) -> Rendering) {
     let scene = Scene::assemble(case.parts.clone());
-    let reference = path_tracer::render(&case.parts, &scene, SIZE, case.samples_per_pixel, 1);
+    let reference =
+        path_tracer::render(&case.parts, &scene, case.size(), case.samples_per_pixel, 1);
     let renderings: Vec<Rendering> =
         (0..N_RENDERINGS).map(|seed| rendering(case, &scene, u64::from(seed))).collect();
 
@@ -75,7 +82,7 @@ fn assert_agreement_of(case: &Case, rendering: &dyn Fn(&Case, &Scene, u64) -> Re
         };
         let name = component.map_or("total", Component::name);
         let compare = |side| Comparison::new(&views, means, variances, side);
-        let (all, blocks) = (compare(SIZE.width), compare(BLOCK));
+        let (all, blocks) = (compare(case.side), compare(case.side / BLOCKS));
         let line = format!("{} {name}: {}", case.name, all.report(&blocks));
         println!("{line}");
         if !(all.is_precise(whole) && all.means_agree(component.is_some()) && blocks.agree()) {
@@ -90,7 +97,7 @@ fn assert_agreement_of(case: &Case, rendering: &dyn Fn(&Case, &Scene, u64) -> Re
 
 fn rendering(case: &Case, scene: &Scene, seed: u64) -> Rendering {
     let maps = renderer::photons(scene, case.photons / u64::from(N_RENDERINGS), seed);
-    renderer::original(&Shader::new(scene, &maps, settings(case, seed)), SIZE)
+    renderer::original(&Shader::new(scene, &maps, settings(case, seed)), case.size())
 }
 
 fn gathered(case: &Case, scene: &Scene, seed: u64, rays: u32) -> Rendering {
@@ -98,7 +105,7 @@ fn gathered(case: &Case, scene: &Scene, seed: u64, rays: u32) -> Rendering {
     let mut settings = settings(case, seed);
     // Few photons in each radius, in each of many renderings, would make what is known ahead too dark.
     settings.indirect.max_radius *= 4.0;
-    renderer::original(&renderer::gathering(scene, &maps, settings, rays), SIZE)
+    renderer::original(&renderer::gathering(scene, &maps, settings, rays), case.size())
 }
 
 fn settings(case: &Case, seed: u64) -> Settings {
@@ -205,7 +212,7 @@ impl Comparison {
             })
             .unwrap();
         let (rendered, traced, _) = self.blocks[worst];
-        let (columns, sigmas) = (SIZE.width / BLOCK, sigmas(&self.blocks[worst]));
+        let (columns, sigmas) = (BLOCKS, sigmas(&self.blocks[worst]));
         let (x, y) = (worst as u32 % columns, worst as u32 / columns);
         let [r, g, b] = (rendered / traced).to_array();
         format!("worst block {x} {y}: {sigmas:+.1} sigmas, {r:.4} {g:.4} {b:.4} times")
@@ -216,19 +223,20 @@ impl Comparison {
 fn show(name: &str, renderings: &[Rendering], reference: &Reference) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("failed").join(name);
     fs::create_dir_all(&folder).unwrap();
-    let mut picture = Picture::new(SIZE, String::new());
+    let size = reference.emission.size();
+    let mut picture = Picture::new(size, String::new());
     for component in [None].into_iter().chain(Component::ALL.map(Some)) {
         let share = 1.0 / renderings.len() as f32;
         let views: Vec<_> = renderings.iter().map(|r| view(r, component)).collect();
-        let rendered = Grid::from_fn(SIZE, |at| views.iter().map(|v| v[at] * share).sum::<Rgb>());
+        let rendered = Grid::from_fn(size, |at| views.iter().map(|v| v[at] * share).sum::<Rgb>());
         let traced = match component {
             None => reference.total(),
             Some(c) => reference.mean[c].clone(),
         };
-        let difference = Grid::from_fn(SIZE, |at| rendered[at] - traced[at]);
+        let difference = Grid::from_fn(size, |at| rendered[at] - traced[at]);
         let name = component.map_or("total", Component::name);
         // Red where the renderer is brighter, blue where it is darker, by a tenth or more when full.
-        let signed = Grid::from_fn(SIZE, |at| {
+        let signed = Grid::from_fn(size, |at| {
             let share = difference[at].mean() / (traced[at].mean() + 0.01) * 10.0;
             Rgb::new(share.max(0.0), 0.0, (-share).max(0.0))
         });
@@ -248,17 +256,18 @@ fn show(name: &str, renderings: &[Rendering], reference: &Reference) -> PathBuf 
 
 /// The means of square blocks, row by row.
 fn block_means(grid: &Grid<Rgb>, side: u32) -> Vec<DVec3> {
-    let columns = SIZE.width / side;
-    let mut sums = vec![DVec3::ZERO; (columns * (SIZE.height / side)) as usize];
-    for i in 0..SIZE.n_pixels() {
-        let Pixel { x, y } = SIZE.pixel(i);
+    let size = grid.size();
+    let columns = size.width / side;
+    let mut sums = vec![DVec3::ZERO; (columns * (size.height / side)) as usize];
+    for i in 0..size.n_pixels() {
+        let Pixel { x, y } = size.pixel(i);
         sums[(y / side * columns + x / side) as usize] += color(grid.values()[i]);
     }
     sums.into_iter().map(|sum| sum / f64::from(side * side)).collect()
 }
 
 fn mean(grid: &Grid<Rgb>) -> DVec3 {
-    block_means(grid, SIZE.width)[0]
+    block_means(grid, grid.size().width)[0]
 }
 
 fn color(c: Rgb) -> DVec3 {

@@ -69,6 +69,7 @@ fn cornell_box() {
             samples_per_pixel: 512,
             photons: 4_000_000,
             radius: 0.06,
+            side: 64,
         },
         64,
     );

@@ -188,11 +188,11 @@ impl<'a> Tracer<'a> {
             let through = if ends_inside { Some(vertex.material) } else { medium };
             beta *= optics::transmittance(through, distance);
 
-            let emitted = if vertex.front { color(vertex.material.emission) } else { DVec3::ZERO };
+            let emitted = color(self.scene.emitted(&vertex.surface, -ray.dir()));
             if emitted != DVec3::ZERO {
                 let weight = followed_pdf.map_or(1.0, |pdf| {
                     let cos = vertex.w_o.dot(vertex.geometric_normal);
-                    pdf / (pdf + self.lights.emitter_pdf(emitted, cos, distance))
+                    pdf / (pdf + self.lights.emitter_pdf(vertex.material, cos, distance))
                 });
                 found.add(component, beta * squeeze * emitted * weight);
             }

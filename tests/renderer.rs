@@ -97,7 +97,7 @@ pub(crate) fn original(shader: &Shader<'_>, size: ImageSize) -> Rendering {
                 Component::Specular => shader.specular(&point, stream, &mut work),
                 Component::Caustic => shader.caustic(&point, &mut work),
             });
-            (point.emitted(), components)
+            (point.emitted, components)
         };
         (0..size.width).map(&mut pixel).collect()
     };

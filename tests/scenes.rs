@@ -20,14 +20,7 @@ pub(crate) fn empty(eye: Vec3, target: Vec3, fov: f32) -> Parts {
 
 /// A material that does nothing, to be filled in.
 pub(crate) fn black() -> Material {
-    Material {
-        name: String::new(),
-        albedo: Rgb::BLACK,
-        albedo_texture: None,
-        specular: Specular::None,
-        roughness: 0.0,
-        emission: Rgb::BLACK,
-    }
+    Material::black("")
 }
 
 /// A material that reflects diffusely.

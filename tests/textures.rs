@@ -67,6 +67,7 @@ fn textured_room() {
         samples_per_pixel: 256,
         photons: 4_000_000,
         radius: 0.06,
+        side: 64,
     });
 }
 

@@ -51,6 +51,7 @@ fn cornell_box() {
         samples_per_pixel: 512,
         photons: 4_000_000,
         radius: 0.06,
+        side: 64,
     });
 }
 
@@ -62,6 +63,7 @@ fn rabbit() {
         samples_per_pixel: 256,
         photons: 3_000_000,
         radius: 0.07,
+        side: 64,
     });
 }
 
@@ -74,6 +76,7 @@ fn each_light() {
         samples_per_pixel: 256,
         photons: 6_000_000,
         radius: 0.06,
+        side: 64,
     });
 }
 
@@ -93,6 +96,7 @@ fn glowing_ball() {
         samples_per_pixel: 512,
         photons: 2_000_000,
         radius: 0.03,
+        side: 64,
     });
 }
 
@@ -110,6 +114,7 @@ fn glass_and_mirrors() {
         samples_per_pixel: 512,
         photons: 2_000_000,
         radius: 0.03,
+        side: 64,
     });
 }
 
@@ -131,6 +136,7 @@ fn under_the_sky() {
         samples_per_pixel: 256,
         photons: 6_000_000,
         radius: 0.05,
+        side: 64,
     });
 }
 
@@ -162,6 +168,7 @@ fn under_an_image() {
         samples_per_pixel: 512,
         photons: 6_000_000,
         radius: 0.05,
+        side: 64,
     });
 }
 
@@ -181,6 +188,7 @@ fn behind_a_pane() {
         samples_per_pixel: 512,
         photons: 2_000_000,
         radius: 0.03,
+        side: 64,
     });
 }
 
@@ -200,6 +208,7 @@ fn through_a_lens() {
         samples_per_pixel: 512,
         photons: 2_000_000,
         radius: 0.03,
+        side: 64,
     });
 }
 
@@ -223,6 +232,7 @@ fn spot_and_mirrors() {
         samples_per_pixel: 256,
         photons: 2_000_000,
         radius: 0.03,
+        side: 64,
     });
 }
 
@@ -235,6 +245,7 @@ fn rough_surfaces() {
         samples_per_pixel: 512,
         photons: 3_000_000,
         radius: 0.03,
+        side: 64,
     });
 }
 
@@ -261,5 +272,6 @@ fn smooth_meshes() {
         samples_per_pixel: 256,
         photons: 2_000_000,
         radius: 0.03,
+        side: 64,
     });
 }

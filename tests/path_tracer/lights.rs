@@ -1,16 +1,24 @@
 //! Light straight from where it is emitted.
 
+use std::f64::consts::PI;
+
 use base::Ray;
+
 use glam::{DVec3, Vec3A};
 use scene::{Light, LightKind, Material, Parts, Scene};
 
 use super::{Random, Vertex, color, optics};
 
-/// An emissive triangle.
+/// An emissive triangle or sphere. What it emits is asked of the scene at the place found.
 struct Emitter {
-    corners: [DVec3; 3],
-    normal: DVec3,
-    radiance: DVec3,
+    shape: Shape,
+    /// Of the material.
+    brightness: f64,
+}
+
+enum Shape {
+    Triangle { corners: [DVec3; 3], normal: DVec3 },
+    Sphere { center: DVec3, radius: f64 },
 }
 
 /// All lights. What comes from beyond the scene is found by following directions only.
@@ -27,14 +35,24 @@ impl<'a> Lights<'a> {
         let (mut emitters, mut cumulative, mut sum) = (Vec::new(), Vec::new(), 0.0);
         for mesh in parts.meshes.iter().map(|(_, mesh)| mesh) {
             for (t, id) in mesh.materials.iter().enumerate() {
-                let radiance = color(parts.materials[usize::from(id.0)].emission);
-                if radiance != DVec3::ZERO {
+                let brightness = brightness(&parts.materials[usize::from(id.0)]);
+                if brightness > 0.0 {
                     let corners = mesh.corners(t).map(|p| p.as_dvec3());
                     let double_area = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-                    sum += 0.5 * double_area.length() * radiance.max_element();
+                    sum += 0.5 * double_area.length() * brightness;
                     cumulative.push(sum);
-                    emitters.push(Emitter { corners, normal: double_area.normalize(), radiance });
+                    let shape = Shape::Triangle { corners, normal: double_area.normalize() };
+                    emitters.push(Emitter { shape, brightness });
                 }
+            }
+        }
+        for sphere in parts.spheres.iter().map(|(_, sphere)| sphere) {
+            let brightness = brightness(&parts.materials[usize::from(sphere.material.0)]);
+            if brightness > 0.0 {
+                let (center, radius) = (sphere.center.as_dvec3(), f64::from(sphere.radius));
+                sum += 4.0 * PI * radius * radius * brightness;
+                cumulative.push(sum);
+                emitters.push(Emitter { shape: Shape::Sphere { center, radius }, brightness });
             }
         }
         Self { parts, scene, emitters, cumulative }
@@ -51,9 +69,13 @@ impl<'a> Lights<'a> {
     }
 
     /// The density per steradian at which [`Lights::irradiance`] would choose a point of an emitter.
-    pub(super) fn emitter_pdf(&self, radiance: DVec3, cos: f64, distance: f64) -> f64 {
+    pub(super) fn emitter_pdf(&self, material: &Material, cos: f64, distance: f64) -> f64 {
+        self.pdf(brightness(material), cos, distance)
+    }
+
+    fn pdf(&self, brightness: f64, cos: f64, distance: f64) -> f64 {
         let sum = self.cumulative.last().expect("what emits is in the list of emitters");
-        radiance.max_element() / sum * distance * distance / cos
+        brightness / sum * distance * distance / cos
     }
 
     /// Radiance that a surface scatters, one estimate. Of emitters it is the share that following directions leaves over.
@@ -70,24 +92,38 @@ impl<'a> Lights<'a> {
             let chosen = random.uniform() * total;
             let index = self.cumulative.partition_point(|&c| c <= chosen);
             let emitter = &self.emitters[index.min(self.emitters.len() - 1)];
-            let (root, v) = (random.uniform().sqrt(), random.uniform());
-            let [a, b, c] = emitter.corners;
-            let target = a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v);
+            let (u, v) = (random.uniform(), random.uniform());
+            let (target, normal) = match emitter.shape {
+                Shape::Triangle { corners: [a, b, c], normal } => {
+                    let root = u.sqrt();
+                    (a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v), normal)
+                }
+                Shape::Sphere { center, radius } => {
+                    let (z, (sin, cos)) = (2.0 * u - 1.0, (2.0 * PI * v).sin_cos());
+                    let r = (1.0 - z * z).sqrt();
+                    let out = DVec3::new(r * cos, r * sin, z);
+                    (center + out * radius, out)
+                }
+            };
             let to_light = target - at.position;
             let (distance, dir) = (to_light.length(), to_light.normalize());
-            let cos_light = -dir.dot(emitter.normal);
+            let cos_light = -dir.dot(normal);
             if cos_light > 0.0
                 && let Some((value, followed)) = scatter(dir)
             {
-                let pdf = self.emitter_pdf(emitter.radiance, cos_light, distance);
+                let pdf = self.pdf(emitter.brightness, cos_light, distance);
                 let visibility = self.visibility(at, dir, distance, medium);
-                sum += emitter.radiance * visibility * value / (pdf + followed);
+                if visibility != DVec3::ZERO {
+                    let radiance = self.emitted_at(target, normal);
+                    sum += radiance * visibility * value / (pdf + followed);
+                }
             }
         }
         for light in &self.parts.lights {
             let (dir, distance, received) = match &light.kind {
                 // Found by following directions.
                 LightKind::Area(_)
+                | LightKind::Sphere(_)
                 | LightKind::Environment { .. }
                 | LightKind::EnvironmentMap(_) => continue,
                 LightKind::Point { position, intensity } => {
@@ -120,6 +156,17 @@ impl<'a> Lights<'a> {
         sum
     }
 
+    /// Radiance emitted by the front at a place of an emitter.
+    fn emitted_at(&self, target: DVec3, normal: DVec3) -> DVec3 {
+        // From close by, against the normal: textures are asked as for any ray.
+        let size = f64::from(self.scene.bounds().diagonal()) + target.length();
+        let origin = (target + normal * (1e-4 * size)).as_vec3a();
+        let ray = Ray::unbounded(origin, -normal.as_vec3a().normalize());
+        self.scene.accel.closest_hit(&ray).map_or(DVec3::ZERO, |hit| {
+            color(self.scene.emitted(&self.scene.accel.surface(&ray, &hit), -ray.dir()))
+        })
+    }
+
     /// What arrives of light from a direction: all or nothing, but for the medium around.
     fn visibility(
         &self,
@@ -138,4 +185,9 @@ impl<'a> Lights<'a> {
         }
         optics::transmittance(medium, distance)
     }
+}
+
+/// How often a material is chosen for its light, for an area of 1.
+fn brightness(material: &Material) -> f64 {
+    color(material.emission).max_element()
 }

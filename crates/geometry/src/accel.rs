@@ -256,7 +256,7 @@ impl Accel {
             }
             Shape::Sphere { id, center, .. } => {
                 let out = (position - center.as_dvec3()).as_vec3().normalize();
-                Some(sphere_uv(self.rotations[id as usize].inverse() * out))
+                Some(sphere_uv(self.rotations[id as usize], out))
             }
         }
     }
@@ -306,8 +306,9 @@ impl Accel {
     }
 }
 
-/// Texture coordinates of the unit sphere.
-fn sphere_uv(p: Vec3) -> Vec2 {
+/// Texture coordinates of a sphere that is turned, in a unit direction from its center: see [`Accel::uv`].
+pub fn sphere_uv(rotation: Quat, out: Vec3) -> Vec2 {
+    let p = rotation.inverse() * out;
     let turn = math::atan2(-p.z, p.x) * (0.5 * FRAC_1_PI);
     // The angle from the pole by two of its legs: the arc cosine is coarse there.
     let down = math::atan2(p.x.hypot(p.z), p.y) * FRAC_1_PI;

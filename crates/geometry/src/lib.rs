@@ -14,7 +14,7 @@ mod primitive;
 mod surface;
 mod traverse;
 
-pub use accel::{Accel, Hit};
+pub use accel::{Accel, Hit, sphere_uv};
 pub use bounds::Bounds;
 pub use crease::{Crease, Creases};
 pub use mesh::{MaterialId, Mesh, Sphere};

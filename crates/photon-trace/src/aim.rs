@@ -92,7 +92,7 @@ impl Aim {
 fn sides(kind: &LightKind, rays: u64) -> Option<[u32; 4]> {
     let mut sides = match kind {
         // Place, then direction.
-        LightKind::Area(_) => [4, 4, 16, 16],
+        LightKind::Area(_) | LightKind::Sphere(_) => [4, 4, 16, 16],
         LightKind::Environment { .. } | LightKind::EnvironmentMap(_) => [8, 8, 8, 8],
         // The direction, or the place on a disc.
         LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Directional { .. } => {

@@ -85,7 +85,7 @@ impl<'a> Frame<'a> {
     pub(crate) fn emitted(&self, pixel: Pixel) -> Rgb {
         self.point(pixel).map_or_else(
             || self.shader.background(eye_ray(&self.shader, self.window, pixel).dir()),
-            |point| point.emitted(),
+            |point| point.emitted,
         )
     }
 

@@ -1,25 +1,51 @@
-//! Emissive surfaces: parallelograms and triangles of one radiance.
+//! Emissive surfaces: parallelograms and triangles, of one radiance or textured.
+
+use std::sync::Arc;
 
 use base::{Frame, Rgb, math::PI, warp};
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
+use crate::bright_cells::BrightCells;
 use crate::light::{Beam, LightSample, Toward};
-use crate::polygon_irradiance;
+use crate::shares::{pick, running_shares};
+use crate::{Texture, polygon_irradiance};
 
 /// How many pieces a light may have for its unshadowed irradiance to be summed in closed form.
 const MAX_CLOSED_FORM_PIECES: usize = 32;
 
-/// A set of flat pieces that emit the same radiance from their front sides, diffusely.
+/// A set of flat pieces that emit from their front sides, diffusely.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
     pieces: Vec<Piece>,
     /// Share of the area that lies before the end of each piece.
     cumulative: Vec<f32>,
     area: f32,
+    /// Emitted radiance, or what that of the texture is multiplied with.
     radiance: Rgb,
+    paint: Option<Paint>,
+    /// Mean radiance over the area.
+    mean: Rgb,
     /// A sphere around all pieces.
     center: Vec3A,
     radius: f32,
+}
+
+/// What makes radiance differ from place to place.
+#[derive(Clone, Debug)]
+struct Paint {
+    texture: Arc<Texture>,
+    /// Texture coordinates of the corners of each piece.
+    uvs: Vec<[Vec2; 3]>,
+    cells: BrightCells,
+}
+
+/// A place on a light.
+struct Place<'a> {
+    piece: &'a Piece,
+    point: Vec3A,
+    radiance: Rgb,
+    /// The density of places uniform by area over that at which it was drawn.
+    weight: f32,
 }
 
 /// A parallelogram with corners `corner + {0, 1} a + {0, 1} b`, or half of it.
@@ -47,8 +73,12 @@ impl Piece {
         self.a.cross(self.b).length() * if self.is_triangle { 0.5 } else { 1.0 }
     }
 
-    fn point(&self, u: Vec2) -> Vec3A {
-        let w = if self.is_triangle { warp::uniform_triangle(u) } else { u };
+    /// How much of both edges leads to a place, from two uniform numbers.
+    fn weights(&self, u: Vec2) -> Vec2 {
+        if self.is_triangle { warp::uniform_triangle(u) } else { u }
+    }
+
+    fn point(&self, w: Vec2) -> Vec3A {
         Vec3A::from(self.corner) + Vec3A::from(self.a) * w.x + Vec3A::from(self.b) * w.y
     }
 
@@ -103,7 +133,33 @@ impl AreaLight {
         let min = corners.clone().reduce(Vec3::min).unwrap_or(Vec3::ZERO);
         let max = corners.reduce(Vec3::max).unwrap_or(Vec3::ZERO);
         let (center, radius) = (Vec3A::from((min + max) * 0.5), (max - min).length() * 0.5);
-        Self { pieces, cumulative, area: area as f32, radiance, center, radius }
+        let (area, mean, paint) = (area as f32, radiance, None);
+        Self { pieces, cumulative, area, radiance, paint, mean, center, radius }
+    }
+
+    /// The light of all given triangles, of which each emits `radiance` times the texture at its texture coordinates.
+    pub fn textured(
+        triangles: &[([Vec3; 3], [Vec2; 3])],
+        radiance: Rgb,
+        texture: Arc<Texture>,
+    ) -> Self {
+        let mut pieces = Vec::with_capacity(triangles.len());
+        for ([a, b, c], _) in triangles {
+            // Apart from its neighbors: pairs that make a parallelogram may be textured as they like.
+            pieces.push(Piece::new(*a, *b - *a, *c - *a, true));
+        }
+        let corners: Vec<[Vec3; 3]> = triangles.iter().map(|t| t.0).collect();
+        let uvs: Vec<[Vec2; 3]> = triangles.iter().map(|t| t.1).collect();
+        let areas: Vec<f32> = pieces.iter().map(Piece::area).collect();
+        let of = |piece: usize, u: Vec2| texture.at(uv_at(&uvs[piece], warp::uniform_triangle(u)));
+        let cells = BrightCells::new(&areas, |piece, u| (radiance * of(piece, u)).mean());
+        let mut light = Self::new(&corners, radiance);
+        light.mean = radiance * cells.mean(&areas, of);
+        light.cumulative =
+            running_shares(&areas.iter().map(|&a| a.into()).collect::<Vec<_>>()).collect();
+        light.pieces = pieces;
+        light.paint = Some(Paint { texture, uvs, cells });
+        light
     }
 
     /// Total area, in square units of length.
@@ -111,40 +167,64 @@ impl AreaLight {
         self.area
     }
 
-    /// Emitted radiance.
-    pub fn radiance(&self) -> Rgb {
-        self.radiance
+    /// Mean emitted radiance over the area; of a texture, by lookups at some places.
+    pub fn mean_radiance(&self) -> Rgb {
+        self.mean
     }
 
     /// Emitted flux: pi A L.
     pub fn flux(&self) -> Rgb {
-        self.radiance * (PI * self.area)
+        self.mean * (PI * self.area)
     }
 
-    /// A piece, chosen by area, and `u` made uniform again.
-    fn pick(&self, u: f32) -> (&Piece, f32) {
-        if self.pieces.len() == 1 {
-            return (&self.pieces[0], u);
+    /// A place, uniform by area.
+    fn place(&self, u: Vec2) -> Place<'_> {
+        let (i, x) = match self.pieces.len() {
+            1 => (0, u.x),
+            _ => pick(&self.cumulative, u.x),
+        };
+        self.place_at(i, Vec2::new(x, u.y), 1.0)
+    }
+
+    /// A place, by how bright it is.
+    fn bright_place(&self, u: Vec2) -> Place<'_> {
+        match &self.paint {
+            None => self.place(u),
+            Some(paint) => {
+                let drawn = paint.cells.draw(u);
+                self.place_at(drawn.piece, drawn.at, drawn.weight)
+            }
         }
-        let i = self.cumulative.partition_point(|&c| c <= u).min(self.pieces.len() - 1);
-        let low = if i == 0 { 0.0 } else { self.cumulative[i - 1] };
-        let width = self.cumulative[i] - low;
-        let u = if width > 0.0 { (u - low) / width } else { 0.5 };
-        (&self.pieces[i], u.clamp(0.0, 1.0 - f32::EPSILON))
     }
 
-    /// A photon's origin and direction: uniform by area, and by the cosine.
-    pub(crate) fn emit(&self, u: [f32; 4]) -> (Vec3A, Vec3A) {
-        let (piece, x) = self.pick(u[0]);
+    fn place_at(&self, i: usize, u: Vec2, weight: f32) -> Place<'_> {
+        let piece = &self.pieces[i];
+        let w = piece.weights(u);
+        let radiance = match &self.paint {
+            None => self.radiance,
+            Some(paint) => self.radiance * paint.texture.at(uv_at(&paint.uvs[i], w)),
+        };
+        Place { piece, point: piece.point(w), radiance, weight }
+    }
+
+    /// A photon's origin and direction, by brightness and by the cosine, and the flux of the whole light as far as this one
+    /// start tells.
+    pub(crate) fn emit(&self, u: [f32; 4]) -> (Vec3A, Vec3A, Rgb) {
+        let Place { piece, point, radiance, weight } = self.bright_place(Vec2::new(u[0], u[1]));
         let dir = Frame::new(piece.normal)
             .to_world(warp::cosine_hemisphere(Vec2::new(u[2], u[3])))
             .normalize();
-        (piece.point(Vec2::new(x, u[1])) + piece.normal * piece.error, dir)
+        (point + piece.normal * piece.error, dir, radiance * (PI * self.area) * weight)
+    }
+
+    /// Whether all places emit the same.
+    pub(crate) fn is_uniform(&self) -> bool {
+        self.paint.is_none()
     }
 
     /// Whether there are few enough pieces for their irradiance to be summed in closed form.
     pub(crate) fn has_closed_form(&self) -> bool {
-        self.pieces.len() <= MAX_CLOSED_FORM_PIECES
+        self.pieces.len() <= MAX_CLOSED_FORM_PIECES && self.is_uniform()
     }
 
     /// Whether a point is within so many radii of the light, and the pieces are few enough to look at each.
@@ -174,11 +254,10 @@ impl AreaLight {
 
     /// One point, uniform by area, for surfaces that scatter by direction.
     pub(crate) fn beam(&self, point: Vec3A, u: Vec2) -> Option<Beam> {
-        let (piece, x) = self.pick(u.x);
+        let Place { piece, point: target, radiance, .. } = self.place(u);
         if !piece.faces(point) {
             return None;
         }
-        let target = piece.point(Vec2::new(x, u.y));
         let distance = (target - point).length();
         let dir = (target - point).try_normalize()?;
         let cos_light = -dir.dot(piece.normal);
@@ -187,7 +266,7 @@ impl AreaLight {
         }
         let pdf = self.beam_pdf(cos_light, distance);
         let toward = Toward::Point(target + piece.normal * piece.error);
-        Some(Beam { dir, toward, distance, irradiance: self.radiance / pdf, pdf })
+        Some(Beam { dir, toward, distance, irradiance: radiance / pdf, pdf })
     }
 
     /// Density of [`AreaLight::beam`] per steradian.
@@ -195,13 +274,12 @@ impl AreaLight {
         distance * distance / (cos_light * self.area)
     }
 
-    /// One point, uniform by area.
+    /// One point, by how bright it is.
     pub(crate) fn sample(&self, point: Vec3A, normal: Vec3A, u: Vec2) -> Option<LightSample> {
-        let (piece, x) = self.pick(u.x);
+        let Place { piece, point: target, radiance, weight } = self.bright_place(u);
         if !piece.faces(point) {
             return None;
         }
-        let target = piece.point(Vec2::new(x, u.y));
         let to_light = target - point;
         let (cos, cos_light) = (to_light.dot(normal), -to_light.dot(piece.normal));
         if cos <= 0.0 || cos_light <= 0.0 {
@@ -210,9 +288,14 @@ impl AreaLight {
         let distance2 = to_light.length_squared();
         Some(LightSample {
             toward: Toward::Point(target + piece.normal * piece.error),
-            irradiance: self.radiance * (cos * cos_light * self.area / (distance2 * distance2)),
+            irradiance: radiance * (weight * cos * cos_light * self.area / (distance2 * distance2)),
         })
     }
+}
+
+/// Texture coordinates of a place on a triangle, by how much of both edges leads there.
+fn uv_at([a, b, c]: &[Vec2; 3], w: Vec2) -> Vec2 {
+    *a + (*b - *a) * w.x + (*c - *a) * w.y
 }
 
 /// The parallelogram made of two triangles that share an edge, if they make one.

@@ -10,6 +10,7 @@ use base::{Fingerprint, FingerprintBuilder, Frame, Rgb, math, math::PI, warp};
 use glam::{Mat3A, Vec2, Vec3A};
 
 use crate::irradiance_table::IrradianceTable;
+use crate::shares::{pick, running_shares};
 
 /// Share of the samples for a surface that is drawn from the map; the others are drawn by the cosine.
 const SHARE_OF_MAP: f32 = 0.5;
@@ -229,22 +230,4 @@ fn direction(turn: f32, height: f32) -> Vec3A {
     let (sin, cos) = math::sin_cos(2.0 * PI * turn);
     let r = (1.0 - height * height).max(0.0).sqrt();
     Vec3A::new(r * sin, height, -r * cos)
-}
-
-/// The share of the sum of all that lies in each and those before it.
-fn running_shares(values: &[f64]) -> impl Iterator<Item = f32> {
-    let sum = values.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-    values.iter().scan(0.0, move |before, value| {
-        *before += value;
-        Some((*before / sum) as f32)
-    })
-}
-
-/// The entry of a list of running sums up to 1 where `u` falls, and `u` made uniform again.
-fn pick(cumulative: &[f32], u: f32) -> (usize, f32) {
-    let i = cumulative.partition_point(|&c| c <= u).min(cumulative.len() - 1);
-    let low = if i == 0 { 0.0 } else { cumulative[i - 1] };
-    let width = cumulative[i] - low;
-    let u = if width > 0.0 { (u - low) / width } else { 0.5 };
-    (i, u.clamp(0.0, 1.0 - f32::EPSILON))
 }

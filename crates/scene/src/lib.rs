@@ -6,6 +6,7 @@
 //! Only this crate reads scene files, and only it names tobj.
 
 mod area_light;
+mod bright_cells;
 mod camera;
 mod environment_map;
 mod error;
@@ -18,6 +19,8 @@ mod load;
 mod lobe;
 mod material;
 mod polygon;
+mod shares;
+mod sphere_light;
 mod spherical_triangle;
 mod texture;
 mod world;
@@ -33,5 +36,6 @@ pub use load::{Loaded, Options, load, load_parts, load_with};
 pub use lobe::{LEAST_ROUGHNESS, Lobe, LobeSample, LobeValue};
 pub use material::{Material, Specular, SpecularBounce, Transport};
 pub use polygon::polygon_irradiance;
+pub use sphere_light::SphereLight;
 pub use texture::{Filter, Pattern, Texels, Texture, TextureId, Wrap};
 pub use world::{Parts, Scene};

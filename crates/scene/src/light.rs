@@ -4,7 +4,7 @@ use base::{Frame, Rgb, math::PI, warp};
 use geometry::Bounds;
 use glam::{Vec2, Vec3A};
 
-use crate::{AreaLight, EnvironmentMap};
+use crate::{AreaLight, EnvironmentMap, SphereLight};
 
 /// A light. Each has its own photons and, at a surface point, its own visibility.
 #[derive(Clone, Debug)]
@@ -21,6 +21,8 @@ pub struct Light {
 pub enum LightKind {
     /// Emissive surfaces.
     Area(AreaLight),
+    /// An emissive sphere.
+    Sphere(SphereLight),
     /// The same intensity in all directions.
     Point {
         /// Where it is.
@@ -50,7 +52,8 @@ impl LightKind {
     /// Whether it emits nothing at all.
     pub fn is_black(&self) -> bool {
         match self {
-            Self::Area(light) => light.radiance().is_black(),
+            Self::Area(light) => light.mean_radiance().is_black(),
+            Self::Sphere(light) => light.mean_radiance().is_black(),
             Self::Point { intensity, .. } => intensity.is_black(),
             Self::Spot(spot) => spot.intensity.is_black(),
             Self::Directional { irradiance, .. } => irradiance.is_black(),
@@ -160,6 +163,7 @@ impl Light {
         let radius = bounds.diagonal() * 0.5;
         match &self.kind {
             LightKind::Area(light) => light.flux(),
+            LightKind::Sphere(light) => light.flux(),
             LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
             LightKind::Spot(spot) => {
                 let (inner, outer) = spot.solid_angles();
@@ -184,7 +188,16 @@ impl Light {
         let (first, second) = (Vec2::new(u[0], u[1]), Vec2::new(u[2], u[3]));
         let mut flux = self.flux(bounds);
         let (origin, dir) = match &self.kind {
-            LightKind::Area(light) => light.emit(u),
+            LightKind::Area(light) => {
+                let (origin, dir, told) = light.emit(u);
+                flux = told;
+                (origin, dir)
+            }
+            LightKind::Sphere(light) => {
+                let (origin, dir, told) = light.emit(u);
+                flux = told;
+                (origin, dir)
+            }
             LightKind::Point { position, .. } => {
                 (*position, warp::uniform_sphere(first).normalize())
             }
@@ -212,6 +225,7 @@ impl Light {
     pub fn unshadowed_irradiance(&self, point: Vec3A, normal: Vec3A) -> Option<Rgb> {
         match &self.kind {
             LightKind::Area(light) => light.irradiance(point, normal),
+            LightKind::Sphere(light) => light.irradiance(point, normal),
             LightKind::Environment { radiance } => Some(*radiance * PI),
             LightKind::EnvironmentMap(map) => Some(map.irradiance(normal)),
             _ => Some(self.sample(point, normal, Vec2::ZERO).map_or(Rgb::BLACK, |s| s.irradiance)),
@@ -222,13 +236,19 @@ impl Light {
     pub fn has_closed_form(&self) -> bool {
         match &self.kind {
             LightKind::Area(light) => light.has_closed_form(),
+            LightKind::Sphere(light) => light.is_uniform(),
             _ => true,
         }
     }
 
     /// Whether light from all its places has the same color, so that one number tells how much of it arrives.
     pub fn has_one_color(&self) -> bool {
-        !matches!(self.kind, LightKind::EnvironmentMap(_))
+        match &self.kind {
+            LightKind::Area(light) => light.is_uniform(),
+            LightKind::Sphere(light) => light.is_uniform(),
+            LightKind::EnvironmentMap(_) => false,
+            _ => true,
+        }
     }
 
     /// Whether all shadow rays from a point go the same way, so that one tells everything.
@@ -239,7 +259,8 @@ impl Light {
         )
     }
 
-    /// One direction towards the light, uniform by area if it has one; `None` if the light sends nothing that way.
+    /// One direction towards the light, uniform by area if it has one, or by brightness if it is textured, or by solid angle if
+    /// it is a sphere; `None` if the light sends nothing that way.
     pub fn sample(&self, point: Vec3A, normal: Vec3A, u: Vec2) -> Option<LightSample> {
         let from_point = |position: Vec3A, intensity: &dyn Fn(Vec3A) -> Rgb| {
             let to_light = position - point;
@@ -253,6 +274,7 @@ impl Light {
         };
         let sample = match &self.kind {
             LightKind::Area(light) => light.sample(point, normal, u),
+            LightKind::Sphere(light) => light.sample(point, normal, u),
             LightKind::Point { position, intensity } => from_point(*position, &|_| *intensity),
             LightKind::Spot(spot) => from_point(spot.position, &|dir| {
                 spot.intensity * spot.falloff(dir.dot(spot.direction))
@@ -280,6 +302,7 @@ impl Light {
     pub fn beam(&self, point: Vec3A, u: Vec2) -> Option<Beam> {
         let dir = match &self.kind {
             LightKind::Area(light) => return light.beam(point, u),
+            LightKind::Sphere(light) => return light.beam(point, u),
             LightKind::Environment { .. } => return None,
             LightKind::EnvironmentMap(map) => {
                 return map.draw(u).map(|drawn| Beam {
@@ -308,6 +331,7 @@ impl Light {
     pub fn beam_pdf(&self, cos: f32, distance: f32) -> f32 {
         match &self.kind {
             LightKind::Area(light) => light.beam_pdf(cos, distance),
+            LightKind::Sphere(light) => light.beam_pdf(cos, distance),
             _ => 0.0,
         }
     }

@@ -104,7 +104,7 @@ impl NearLight<'_> {
         let weight = (cos * part.triangle.area() / share) as f32;
         (weight > 0.0).then(|| LightSample {
             toward: Toward::Point(target),
-            irradiance: self.light.radiance() * weight,
+            irradiance: self.light.mean_radiance() * weight,
         })
     }
 }

@@ -70,9 +70,10 @@ impl Options {
 /// - bsdfs: `diffuse`, `dielectric`, `thindielectric`, `conductor` (by `eta` and `k`, or one of Ag, Al, Au, Cr, Cu, none),
 ///   `roughdielectric` and `roughconductor` of GGX, `twosided`; every surface has two equal sides
 /// - textures: `bitmap`, `checkerboard`
-/// - emitters: `area` (not of spheres), `point`, `spot`, `directional`, `constant`, `envmap`
+/// - emitters: `area` (of one color or textured), `point`, `spot`, `directional`, `constant`, `envmap`
 /// - sensor: `perspective` and `thinlens` with every `fov_axis` or `focal_length`; the size of the film is the default of `--resolution`
-/// - colors: `rgb`, `srgb`, hexadecimal, `spectrum` of one value
+/// - colors: `rgb`, `srgb`, hexadecimal, `spectrum` of one value, of pairs of wavelength and value or of a file of such pairs,
+///   `blackbody` (in W/(m^2 sr nm))
 ///
 /// Integrators, samplers and what films do beside their size are quality settings, and ignored. Anything else is an error
 /// that names it; or, with [`Options::lenient`], a warning that says what takes its place.
@@ -151,7 +152,7 @@ impl Options {
 /// inward = true            # turn the front sides inward; false is the default
 /// material = "NAME"        # takes a transform, too
 ///
-/// [[spheres]]              # they cannot emit
+/// [[spheres]]              # their front is outside
 /// name = "ball"
 /// center = [0, 1, 0]
 /// radius = 0.5

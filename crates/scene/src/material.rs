@@ -21,8 +21,11 @@ pub struct Material {
     /// How rough the specular part is, from 0 to 1; the width `alpha` of its microfacets' distribution is the square
     /// (Burley 2012). Below [`crate::LEAST_ROUGHNESS`] it is perfectly sharp.
     pub roughness: f32,
-    /// Radiance emitted by the front side, `L_e` of Eq. (4).
+    /// Radiance emitted by the front side, `L_e` of Eq. (4), or what its texture is multiplied with.
     pub emission: Rgb,
+    /// What the emission is multiplied with from place to place; its surfaces have texture coordinates. See
+    /// [`crate::Scene::emitted`] for that of a point.
+    pub emission_texture: Option<TextureId>,
 }
 
 /// Scattering by interfaces, `f_s` of Eq. (6), perfectly sharp unless the material is rough. A new kind needs its arm in
@@ -81,10 +84,22 @@ pub struct SpecularBounce {
 }
 
 impl Material {
-    /// Emitted radiance towards `w_o`.
-    #[inline]
-    pub fn emitted(&self, surface: &Surface, w_o: Vec3A) -> Rgb {
-        if w_o.dot(surface.geometric_normal) > 0.0 { self.emission } else { Rgb::BLACK }
+    /// A material that neither reflects nor emits anything, to be filled in.
+    pub fn black(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            albedo: Rgb::BLACK,
+            albedo_texture: None,
+            specular: Specular::None,
+            roughness: 0.0,
+            emission: Rgb::BLACK,
+            emission_texture: None,
+        }
+    }
+
+    /// Whether its surfaces need texture coordinates.
+    pub fn is_textured(&self) -> bool {
+        self.albedo_texture.is_some() || self.emission_texture.is_some()
     }
 
     /// Whether the specular part scatters anything.
@@ -212,14 +227,7 @@ mod tests {
     }
 
     fn material(specular: Specular) -> Material {
-        Material {
-            name: "m".into(),
-            albedo: Rgb::BLACK,
-            albedo_texture: None,
-            specular,
-            roughness: 0.0,
-            emission: Rgb::BLACK,
-        }
+        Material { specular, ..Material::black("m") }
     }
 
     #[test]

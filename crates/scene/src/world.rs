@@ -1,10 +1,14 @@
 //! A scene put together.
 
+use std::sync::Arc;
+
 use base::{Fingerprint, FingerprintBuilder, Inventory, Rgb};
 use geometry::{Accel, Bounds, Creases, MaterialId, Mesh, Sphere, Surface};
-use glam::{Quat, Vec3A};
+use glam::{Quat, Vec2, Vec3A};
 
-use crate::{AreaLight, Camera, Light, LightKind, Material, Specular, Texture};
+use crate::{
+    AreaLight, Camera, Light, LightKind, Material, Specular, SphereLight, Texture, TextureId,
+};
 
 /// What a scene is made of, named as in its file. The reader of scene files has checked it all.
 #[derive(Clone, Debug)]
@@ -15,9 +19,9 @@ pub struct Parts {
     pub materials: Vec<Material>,
     /// Named textures, indexed by [`crate::TextureId`].
     pub textures: Vec<(String, Texture)>,
-    /// Named meshes. Those whose material emits become lights.
+    /// Named meshes. Those whose material emits become lights, as do spheres.
     pub meshes: Vec<(String, Mesh)>,
-    /// Named spheres; none emits.
+    /// Named spheres.
     pub spheres: Vec<(String, Sphere)>,
     /// Lights that aren't surfaces.
     pub lights: Vec<Light>,
@@ -32,8 +36,8 @@ pub struct Scene {
     pub creases: Creases,
     /// Indexed by [`geometry::MaterialId`].
     pub materials: Vec<Material>,
-    textures: Vec<Texture>,
-    /// All lights: emissive meshes first, then the others.
+    textures: Vec<Arc<Texture>>,
+    /// All lights: emissive meshes first, then spheres, then the others.
     pub lights: Vec<Light>,
     /// The view.
     pub camera: Camera,
@@ -47,8 +51,11 @@ impl Scene {
     pub fn assemble(parts: Parts) -> Self {
         let inventory = inventory(&parts);
         let Parts { camera, materials, textures, meshes, spheres, lights } = parts;
+        let textures: Vec<_> = textures.into_iter().map(|(_, texture)| Arc::new(texture)).collect();
+        let of_meshes = area_lights(&meshes, &materials, &textures);
+        let of_spheres = sphere_lights(&spheres, meshes.len(), &materials, &textures);
         let (emitters, mut all_lights): (Vec<_>, Vec<_>) =
-            area_lights(&meshes, &materials).into_iter().unzip();
+            of_meshes.into_iter().chain(of_spheres).unzip();
         all_lights.extend(lights);
         let meshes: Vec<Mesh> = meshes.into_iter().map(|(_, mesh)| mesh).collect();
         let spheres: Vec<Sphere> = spheres.into_iter().map(|(_, sphere)| sphere).collect();
@@ -56,7 +63,7 @@ impl Scene {
             accel: Accel::build(&meshes, &spheres),
             creases: Creases::find(&meshes, |id| materials[id.0 as usize].is_diffuse()),
             materials,
-            textures: textures.into_iter().map(|(_, texture)| texture).collect(),
+            textures,
             lights: all_lights,
             camera,
             emitters,
@@ -76,11 +83,25 @@ impl Scene {
         let material = self.material(surface);
         match material.albedo_texture {
             None => material.albedo,
-            Some(id) => {
-                let uv = self.accel.uv(surface).unwrap_or_default();
-                material.albedo * self.textures[id.0 as usize].at(uv)
-            }
+            Some(id) => material.albedo * self.texel(id, surface),
         }
+    }
+
+    /// Radiance that a surface which the rays of this scene have found emits towards `w_o`, `L_e` of Eq. (4).
+    #[inline]
+    pub fn emitted(&self, surface: &Surface, w_o: Vec3A) -> Rgb {
+        let material = self.material(surface);
+        if material.emission.is_black() || w_o.dot(surface.geometric_normal) <= 0.0 {
+            return Rgb::BLACK;
+        }
+        match material.emission_texture {
+            None => material.emission,
+            Some(id) => material.emission * self.texel(id, surface),
+        }
+    }
+
+    fn texel(&self, id: TextureId, surface: &Surface) -> Rgb {
+        self.textures[usize::from(id.0)].at(self.accel.uv(surface).unwrap_or_default())
     }
 
     /// The number of the area light that a surface is.
@@ -113,6 +134,7 @@ impl Scene {
 fn area_lights(
     meshes: &[(String, Mesh)],
     materials: &[Material],
+    textures: &[Arc<Texture>],
 ) -> Vec<((u32, MaterialId), Light)> {
     let mut lights = Vec::new();
     for (object, (name, mesh)) in (0..).zip(meshes) {
@@ -122,10 +144,42 @@ fn area_lights(
         for id in ids.into_iter().filter(|id| !materials[id.0 as usize].emission.is_black()) {
             let triangles: Vec<_> =
                 (0..mesh.triangles.len()).filter(|&t| mesh.materials[t] == id).collect();
-            let triangles: Vec<_> = triangles.into_iter().map(|t| mesh.corners(t)).collect();
-            let light = AreaLight::new(&triangles, materials[id.0 as usize].emission);
+            let material = &materials[usize::from(id.0)];
+            let light = match material.emission_texture {
+                None => {
+                    let corners: Vec<_> = triangles.into_iter().map(|t| mesh.corners(t)).collect();
+                    AreaLight::new(&corners, material.emission)
+                }
+                Some(texture) => {
+                    let uv = |i: u32| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO);
+                    let of = |t: usize| (mesh.corners(t), mesh.triangles[t].map(uv));
+                    let triangles: Vec<_> = triangles.into_iter().map(of).collect();
+                    let texture = textures[usize::from(texture.0)].clone();
+                    AreaLight::textured(&triangles, material.emission, texture)
+                }
+            };
             let light = Light { name: name.clone(), kind: LightKind::Area(light) };
             lights.push(((object, id), light));
+        }
+    }
+    lights
+}
+
+/// One light for each sphere that emits, in this order; objects are counted from `first`.
+fn sphere_lights(
+    spheres: &[(String, Sphere)],
+    first: usize,
+    materials: &[Material],
+    textures: &[Arc<Texture>],
+) -> Vec<((u32, MaterialId), Light)> {
+    let mut lights = Vec::new();
+    for (object, (name, sphere)) in (first as u32..).zip(spheres) {
+        let material = &materials[usize::from(sphere.material.0)];
+        if !material.emission.is_black() {
+            let texture = material.emission_texture.map(|id| textures[usize::from(id.0)].clone());
+            let light = SphereLight::new(sphere, material.emission, texture);
+            let light = Light { name: name.clone(), kind: LightKind::Sphere(light) };
+            lights.push(((object, sphere.material), light));
         }
     }
     lights
@@ -169,6 +223,9 @@ fn material_digest(material: &Material) -> Fingerprint {
     if let Some(id) = material.albedo_texture {
         digest.bytes(b"albedo texture").pod(&[id.0]);
     }
+    if let Some(id) = material.emission_texture {
+        digest.bytes(b"emission texture").pod(&[id.0]);
+    }
     match material.specular {
         Specular::None => digest.bytes(b"none"),
         Specular::Mirror { reflectance } => digest.bytes(b"mirror").pod(&[reflectance]),
@@ -188,8 +245,9 @@ fn light_digest(light: &Light) -> Fingerprint {
     let mut digest = FingerprintBuilder::new();
     match &light.kind {
         LightKind::Area(light) => {
-            digest.bytes(b"area").pod(&[light.radiance()]).pod(&[light.area()])
+            digest.bytes(b"area").pod(&[light.mean_radiance()]).pod(&[light.area()])
         }
+        LightKind::Sphere(light) => digest.bytes(b"sphere").pod(&[light.flux()]),
         LightKind::Point { position, intensity } => {
             digest.bytes(b"point").pod(&position.to_array()).pod(&[*intensity])
         }

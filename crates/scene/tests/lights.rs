@@ -350,7 +350,7 @@ fn beams_agree_with_samples() {
                 let pdf = light.beam_pdf(-beam.dir.dot(normal), (target - point).length());
                 assert!((pdf / beam.pdf - 1.0).abs() < 1e-4, "{pdf}, {beam:?}");
                 let radiance = beam.irradiance.g * pdf;
-                assert!((radiance / area.radiance().g - 1.0).abs() < 1e-4, "{radiance}");
+                assert!((radiance / area.mean_radiance().g - 1.0).abs() < 1e-4, "{radiance}");
             }
             n += 1;
         }

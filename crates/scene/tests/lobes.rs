@@ -24,8 +24,7 @@ fn surface(shading_normal: Vec3A) -> Surface {
 }
 
 fn material(specular: Specular, roughness: f32) -> Material {
-    let (albedo, emission) = (Rgb::BLACK, Rgb::BLACK);
-    Material { name: "m".into(), albedo, albedo_texture: None, specular, roughness, emission }
+    Material { specular, roughness, ..Material::black("m") }
 }
 
 fn white(roughness: f32) -> Material {

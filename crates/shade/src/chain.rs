@@ -156,7 +156,7 @@ impl<'a> Shader<'a> {
             if let Some(glass) = through {
                 from.weight *= glass.transmittance(distance);
             }
-            let radiance = point.emitted();
+            let radiance = point.emitted;
             if !radiance.is_black() {
                 let share = chosen.map_or(1.0, |c| self.share_of_lobe(&c, &point, distance));
                 emitted += radiance * from.weight * share;

@@ -43,7 +43,10 @@ impl LightShares {
         };
         Self {
             extended: of(|light| {
-                matches!(light.kind, LightKind::Area(_) | LightKind::EnvironmentMap(_))
+                matches!(
+                    light.kind,
+                    LightKind::Area(_) | LightKind::Sphere(_) | LightKind::EnvironmentMap(_)
+                )
             }),
             delta: of(Light::is_delta),
         }

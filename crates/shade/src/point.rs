@@ -16,15 +16,10 @@ pub struct ShadingPoint<'a> {
     pub material: &'a Material,
     /// Its diffuse albedo here: see [`scene::Scene::albedo`].
     pub albedo: Rgb,
+    /// Radiance that it emits towards `w_o`, `L_e` of Eq. (4).
+    pub emitted: Rgb,
     /// Unit direction back along the ray.
     pub w_o: Vec3A,
-}
-
-impl ShadingPoint<'_> {
-    /// Radiance that the surface emits towards the eye, `L_e` of Eq. (4).
-    pub fn emitted(&self) -> Rgb {
-        self.material.emitted(&self.surface, self.w_o)
-    }
 }
 
 /// What makes the random numbers of a pixel its own. Subpixels and the ends of specular chains have streams derived

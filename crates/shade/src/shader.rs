@@ -76,6 +76,7 @@ impl<'a> Shader<'a> {
             facing: surface.facing(w_o),
             material: self.scene.material(&surface),
             albedo: self.scene.albedo(&surface),
+            emitted: self.scene.emitted(&surface, w_o),
             w_o,
         }
     }

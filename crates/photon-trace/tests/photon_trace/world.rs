@@ -21,16 +21,8 @@ impl World {
     }
 
     fn material(&mut self, albedo: Rgb, specular: Specular, emission: Rgb) -> MaterialId {
-        let (name, roughness) = (format!("material {}", self.materials.len()), 0.0);
-        let albedo_texture = None;
-        self.materials.push(Material {
-            name,
-            albedo,
-            albedo_texture,
-            specular,
-            roughness,
-            emission,
-        });
+        let black = Material::black(format!("material {}", self.materials.len()));
+        self.materials.push(Material { albedo, specular, emission, ..black });
         MaterialId(self.materials.len() as u16 - 1)
     }
 

@@ -44,7 +44,7 @@ impl HeldOut {
                     specular: shader.specular(point, stream, work),
                     caustic: shader.caustic(point, work),
                 };
-                Some((values, point.emitted()))
+                Some((values, point.emitted))
             })
         })?;
         Ok(Self { pixels, truth })

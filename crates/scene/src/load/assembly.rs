@@ -90,7 +90,7 @@ impl<'a> Assembly<'a> {
 
     /// Whether the surfaces of a material need texture coordinates.
     pub(super) fn is_textured(&self, id: MaterialId) -> bool {
-        self.materials[usize::from(id.0)].albedo_texture.is_some()
+        self.materials[usize::from(id.0)].is_textured()
     }
 
     pub(super) fn add_materials(
@@ -264,13 +264,6 @@ impl<'a> Assembly<'a> {
             return Err(self.source.fault(table.radius.span(), fault));
         }
         let material = self.material(&table.material, &object)?;
-        if !self.materials[usize::from(material.0)].emission.is_black() {
-            let fault = format!(
-                "{object} has the emissive material \"{}\", but spheres cannot emit; use a mesh",
-                table.material.get_ref()
-            );
-            return Err(self.source.fault(table.material.span(), fault));
-        }
         self.spheres.push((name, Sphere { center, radius, rotation: Quat::IDENTITY, material }));
         Ok(())
     }

@@ -41,14 +41,21 @@ fn has_light(parts: &Parts, bounds: &Bounds) -> bool {
         let position = match &light.kind {
             LightKind::Point { position, .. } => *position,
             LightKind::Spot(spot) => spot.position,
-            LightKind::Area(_) => return true,
+            LightKind::Area(_) | LightKind::Sphere(_) => return true,
             LightKind::Directional { .. }
             | LightKind::Environment { .. }
             | LightKind::EnvironmentMap(_) => return false,
         };
         position.cmpge(min).all() && position.cmple(max).all()
     });
+    let spheres = parts.spheres.iter().any(|(_, sphere)| {
+        let (center, radius) = (Vec3A::from(sphere.center), sphere.radius);
+        !parts.materials[usize::from(sphere.material.0)].emission.is_black()
+            && (center + radius).cmpge(min).all()
+            && (center - radius).cmple(max).all()
+    });
     points
+        || spheres
         || parts.meshes.iter().any(|(_, mesh)| {
             mesh.materials.iter().enumerate().any(|(t, m)| {
                 !parts.materials[usize::from(m.0)].emission.is_black() && {

@@ -110,8 +110,8 @@ pub(super) fn material(
         }
         None => 0.0,
     };
-    let material =
-        Material { name: name.into(), albedo, albedo_texture, specular, roughness, emission };
+    let black = Material::black(name);
+    let material = Material { albedo, albedo_texture, specular, roughness, emission, ..black };
     if let Some(written) = &table.roughness
         && roughness > 0.0
         && !material.is_rough()

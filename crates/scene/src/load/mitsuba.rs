@@ -7,6 +7,7 @@ mod materials;
 mod plugin;
 mod sensor;
 mod shapes;
+mod spectrum;
 mod textures;
 mod xml;
 
@@ -37,7 +38,8 @@ pub(super) fn read(path: &Path, options: &Options) -> Result<(Parts, Vec<String>
             // Materials and textures count where they are referred to; integrators and samplers are settings of quality,
             // which are options of the programs.
             "bsdf" | "texture" | "integrator" | "sampler" | "alias" => {}
-            "spectrum" | "rgb" | "film" | "rfilter" if element.attribute("id").is_some() => {}
+            "spectrum" | "blackbody" | "rgb" | "film" | "rfilter"
+                if element.attribute("id").is_some() => {}
             other => {
                 context.refuse(
                     element.place,
@@ -59,6 +61,9 @@ pub(super) fn read(path: &Path, options: &Options) -> Result<(Parts, Vec<String>
     whole::finish(assembly, camera)
 }
 
+/// The place of the bsdf, whether it is for spheres, and what its surfaces emit: a color, by its bits, times a texture.
+type MaterialKey = (Place, bool, [u32; 3], Option<u16>);
+
 /// What is known while a scene is read.
 struct Context<'d> {
     document: &'d Document,
@@ -67,8 +72,8 @@ struct Context<'d> {
     /// What was replaced.
     notes: Vec<String>,
     by_id: BTreeMap<&'d str, &'d Element>,
-    /// Materials by the place of their bsdf, whether they are for spheres, and what their surfaces emit.
-    materials: BTreeMap<(Place, bool, [u32; 3]), MaterialId>,
+    /// Materials by what they are made of.
+    materials: BTreeMap<MaterialKey, MaterialId>,
     /// Textures by their place, and whether they are for spheres.
     textures: BTreeMap<(Place, bool), crate::TextureId>,
 }

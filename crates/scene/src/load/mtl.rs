@@ -224,9 +224,8 @@ impl Library {
             }
         }
         let roughness = roughness.filter(|_| specular != Specular::None).unwrap_or(0.0);
-        let (name, emission) = (name.clone(), ke);
-        let material =
-            Material { name, albedo, albedo_texture: None, specular, roughness, emission };
+        let (emission, black) = (ke, Material::black(name.clone()));
+        let material = Material { albedo, specular, roughness, emission, ..black };
         Ok((material, texture, warnings))
     }
 }

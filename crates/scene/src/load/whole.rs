@@ -1,6 +1,6 @@
 //! Checks that concern the scene as a whole.
 
-use geometry::{Bounds, Mesh, Sphere};
+use geometry::{Bounds, MaterialId, Mesh, Sphere};
 
 use super::assembly::Assembly;
 use super::enclosure::dark_enclosure;
@@ -14,10 +14,11 @@ pub(super) fn finish(
 ) -> Result<(Parts, Vec<String>), Error> {
     let Assembly { source, materials, textures, meshes, spheres, lights, mut warnings, .. } =
         assembly;
-    let emits = |mesh: &Mesh| {
-        mesh.materials.iter().any(|m| !materials[usize::from(m.0)].emission.is_black())
-    };
-    if lights.is_empty() && !meshes.iter().any(|(_, mesh)| emits(mesh)) {
+    let emits = |id: &MaterialId| !materials[usize::from(id.0)].emission.is_black();
+    if lights.is_empty()
+        && !meshes.iter().any(|(_, mesh)| mesh.materials.iter().any(emits))
+        && !spheres.iter().any(|(_, sphere)| emits(&sphere.material))
+    {
         let fault = "nothing emits light; add a light or an emissive material";
         return Err(source.fault_of_whole(fault));
     }

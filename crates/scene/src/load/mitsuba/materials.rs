@@ -4,6 +4,7 @@ use base::Rgb;
 use geometry::MaterialId;
 
 use super::plugin::{Plugin, color};
+use super::spectrum::Quantity;
 use super::textures::texture;
 use super::xml::Element;
 use super::{Context, MAX_REFERENCES, bits};
@@ -44,11 +45,11 @@ pub(super) fn material<'d>(
     context: &mut Context<'d>,
     shape: &'d Element,
     bsdf: Option<&'d Element>,
-    emission: Rgb,
+    (emission, emission_texture): (Rgb, Option<TextureId>),
     on_sphere: bool,
 ) -> Result<MaterialId, Error> {
     let element = bsdf.unwrap_or(shape);
-    let key = (element.place, on_sphere, bits(emission));
+    let key = (element.place, on_sphere, bits(emission), emission_texture.map(|id| id.0));
     if let Some(&id) = context.materials.get(&key) {
         return Ok(id);
     }
@@ -68,7 +69,15 @@ pub(super) fn material<'d>(
         name = format!("{name}, {}", context.assembly.materials.len() + 1);
     }
     let Looks { albedo, albedo_texture, specular, roughness } = looks;
-    let material = Material { name, albedo, albedo_texture, specular, roughness, emission };
+    let material = Material {
+        albedo,
+        albedo_texture,
+        specular,
+        roughness,
+        emission,
+        emission_texture,
+        ..Material::black(name)
+    };
     let id = context.assembly.add_material(material).ok_or_else(|| {
         context.document.fault(element.place, "too many materials; use at most 65536")
     })?;
@@ -187,7 +196,7 @@ fn diffuse<'d>(
     let (albedo, albedo_texture) = if target.tag == "texture" {
         (Rgb::ONE, Some(texture(context, target, on_sphere)?))
     } else {
-        (color(context, target)?, None)
+        (color(context, target, Quantity::Matter)?, None)
     };
     let largest = match albedo_texture {
         Some(id) => context.assembly.textures[usize::from(id.0)].1.max(),
@@ -209,7 +218,7 @@ fn full<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>, names: &[&str]) -> R
         if let Some(written) = plugin.get(&[name])
             && (written.tag == "texture"
                 || written.tag == "ref"
-                || color(context, written)? != Rgb::ONE)
+                || color(context, written, Quantity::Matter)? != Rgb::ONE)
         {
             let what = format!("`{name}` of {} must be 1", plugin.title());
             context.refuse(written.place, &what, "it is taken for 1")?;

@@ -8,6 +8,7 @@ use film::decode_srgb;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::Context;
+use super::spectrum::{Quantity, color_of_black_body, color_of_list};
 use super::xml::{Element, Place};
 use crate::Error;
 use crate::load::keys::list;
@@ -141,12 +142,21 @@ impl<'d> Plugin<'d> {
 
     /// A color, if there is one of this name.
     pub(super) fn color(&self, context: &Context<'d>, name: &str) -> Result<Option<Rgb>, Error> {
-        self.get(&[name]).map(|element| color(context, element)).transpose()
+        let quantity = match self.element.tag.as_str() {
+            "emitter" | "luminaire" => Quantity::Light,
+            _ => Quantity::Matter,
+        };
+        let Some(element) = self.get(&[name]) else { return Ok(None) };
+        color(context, context.resolve(element)?, quantity).map(Some)
     }
 }
 
-/// A color, without an upper bound of its own.
-pub(super) fn color(context: &Context<'_>, element: &Element) -> Result<Rgb, Error> {
+/// A color, without an upper bound of its own; spectra become colors by what they describe.
+pub(super) fn color<'d>(
+    context: &Context<'d>,
+    element: &'d Element,
+    quantity: Quantity,
+) -> Result<Rgb, Error> {
     let fault = |fault: String| context.document.fault(element.place, fault);
     let value = element.attribute("value").unwrap_or_default().trim();
     let channels: Vec<f64> = match element.tag.as_str() {
@@ -158,11 +168,23 @@ pub(super) fn color(context: &Context<'_>, element: &Element) -> Result<Rgb, Err
             [16, 8, 0].map(|shift| f64::from(number >> shift & 255) / 255.0).to_vec()
         }
         "rgb" | "srgb" | "float" => numbers(context, element, "value")?,
-        "spectrum" if element.attribute("filename").is_none() && !value.contains(':') => {
-            numbers(context, element, "value")?
-        }
+        "blackbody" => return black_body(context, element),
+        "spectrum" => match element.attribute("type") {
+            Some("blackbody") => return black_body(context, element),
+            Some(other) => {
+                let text = format!("the spectrum \"{other}\" isn't supported; use blackbody");
+                return Err(fault(text));
+            }
+            None if element.attribute("filename").is_none() && !value.contains(':') => {
+                numbers(context, element, "value")?
+            }
+            None => {
+                let list = wavelengths(context, element)?;
+                return within_range(color_of_list(&list, quantity)).map_err(fault);
+            }
+        },
         other => {
-            let known = ["rgb", "srgb", "float", "spectrum with one value"];
+            let known = ["rgb", "srgb", "float", "spectrum", "blackbody"];
             let name = element.attribute("name").unwrap_or(other);
             return Err(fault(format!(
                 "`{name}` is a <{other}> that isn't supported; use {}",
@@ -180,6 +202,80 @@ pub(super) fn color(context: &Context<'_>, element: &Element) -> Result<Rgb, Err
     }
     let linear = |c: f64| if element.tag == "srgb" { decode_srgb(c as f32) } else { c as f32 };
     Ok(Rgb::from(rgb.map(linear)))
+}
+
+fn within_range(color: Rgb) -> Result<Rgb, String> {
+    if color.is_finite() && f64::from(color.max_channel()) <= MAX_AMOUNT {
+        return Ok(color);
+    }
+    Err(format!("the color of the spectrum is too large; use at most {MAX_AMOUNT:e}"))
+}
+
+/// Pairs of a wavelength in nanometers and a value, rising; those of the attribute `value`, or a file with one in a line.
+fn wavelengths(context: &Context<'_>, element: &Element) -> Result<Vec<(f64, f64)>, Error> {
+    let fault = |fault: String| context.document.fault(element.place, fault);
+    let text = match element.attribute("filename") {
+        None => element.attribute("value").unwrap_or_default().to_owned(),
+        Some(file) => {
+            let source = context.document.source(element.place);
+            let path = source.resolve(file);
+            let bytes = (source.reach().bytes(&path))
+                .map_err(|cause| fault(format!("cannot read {}: {cause}", path.display())))?;
+            let text = String::from_utf8_lossy(&bytes);
+            let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+            let pairs = lines.filter(|line| !line.is_empty());
+            pairs.map(|line| line.replacen([' ', '\t'], ":", 1) + ",").collect()
+        }
+    };
+    let words = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|word| !word.is_empty());
+    let mut list: Vec<(f64, f64)> = Vec::new();
+    for word in words {
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+        let pair = word.split_once(':').and_then(|(w, v)| Some((number(w)?, number(v)?)));
+        let Some((wavelength, value)) = pair.filter(|pair| pair.1 >= 0.0) else {
+            let word: String = word.chars().take(40).collect();
+            return Err(fault(format!(
+                "`{word}` is no entry of a spectrum; give a wavelength in nanometers and a value of at least 0, such as 550:0.2"
+            )));
+        };
+        if list.last().is_some_and(|before| before.0 >= wavelength) {
+            return Err(fault(format!(
+                "the wavelengths of a spectrum must rise, unlike {wavelength}"
+            )));
+        }
+        list.push((wavelength, value));
+    }
+    if list.len() < 2 {
+        return Err(fault("a spectrum needs two wavelengths at least".into()));
+    }
+    Ok(list)
+}
+
+/// `<blackbody temperature="5000K" scale="2"/>` of version 0.6, or the same with nested numbers.
+fn black_body(context: &Context<'_>, element: &Element) -> Result<Rgb, Error> {
+    let fault = |fault: String| context.document.fault(element.place, fault);
+    let number = |name: &str, default: Option<f64>| {
+        let nested = element.children.iter().find(|c| c.attribute("name") == Some(name));
+        let written = element.attribute(name).or_else(|| nested?.attribute("value"));
+        let number = match written {
+            None => default,
+            Some(text) => text.trim_end_matches(['K', 'k']).trim().parse().ok(),
+        };
+        number.filter(|x: &f64| *x >= 0.0 && x.is_finite()).ok_or_else(|| {
+            fault(format!(
+                "a black body needs a {name} of at least 0, such as temperature=\"5000\""
+            ))
+        })
+    };
+    let known = |c: &&Element| matches!(c.attribute("name"), Some("temperature" | "scale"));
+    if let Some(other) = element.children.iter().find(|c| !known(c)) {
+        let name = other.attribute("name").unwrap_or(&other.tag);
+        let text = format!("a black body takes no `{name}`; it has a temperature and a scale");
+        return Err(context.document.fault(other.place, text));
+    }
+    let temperature = number("temperature", None)?;
+    let scale = number("scale", Some(1.0))?;
+    within_range(color_of_black_body(temperature) * scale as f32).map_err(fault)
 }
 
 /// Maps one after the other.

@@ -7,13 +7,14 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Quat, Vec2, Vec3};
 use super::Context;
 use super::materials::material;
 use super::plugin::Plugin;
+use super::textures::texture;
 use super::xml::Element;
-use crate::Error;
 use crate::load::keys::list;
 use crate::load::mesh_checks::has_area;
 use crate::load::obj::{self, Materials};
-use crate::load::source::MAX_LENGTH;
+use crate::load::source::{MAX_LENGTH, MAX_LIGHT};
 use crate::load::{meshes, ply, shapes, transform};
+use crate::{Error, TextureId};
 
 /// Sides of the polygons that stand for circles: their area is 0.04 % too small.
 const SIDES: u32 = 128;
@@ -26,7 +27,7 @@ pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result
     let number = context.assembly.meshes.len() + context.assembly.spheres.len() + 1;
     let name = context.name(element, number);
     let is_sphere = plugin.kind == "sphere";
-    let emission = emission(context, &plugin)?;
+    let emission = emission(context, &plugin, is_sphere)?;
     let bsdfs = plugin.nested(context, &["bsdf"])?;
     if bsdfs.len() > 1 {
         return fault(context, format!("{} has two bsdfs; keep one", plugin.title()));
@@ -34,9 +35,9 @@ pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result
     let id = material(context, element, bsdfs.first().copied(), emission, is_sphere)?;
     let flips = plugin.boolean(context, "flip_normals")?;
     if is_sphere {
-        if flips || !emission.is_black() {
-            let what = if flips { "a sphere turned inside out" } else { "a sphere that emits" };
-            return fault(context, format!("{what} isn't supported; use a mesh"));
+        if flips {
+            let text = "a sphere turned inside out isn't supported; use a mesh";
+            return fault(context, text.into());
         }
         let sphere = sphere(context, &plugin, id)?;
         plugin.finish(context)?;
@@ -71,19 +72,35 @@ pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result
     Ok(())
 }
 
-/// The radiance of the area emitter in a shape.
-fn emission<'d>(context: &mut Context<'d>, shape: &Plugin<'d>) -> Result<Rgb, Error> {
+/// The radiance of the area emitter in a shape: a color, times a texture if there is one.
+fn emission<'d>(
+    context: &mut Context<'d>,
+    shape: &Plugin<'d>,
+    on_sphere: bool,
+) -> Result<(Rgb, Option<TextureId>), Error> {
     let emitters = shape.nested(context, &["emitter", "luminaire"])?;
-    let Some(element) = emitters.first() else { return Ok(Rgb::BLACK) };
+    let Some(element) = emitters.first() else { return Ok((Rgb::BLACK, None)) };
     let plugin = Plugin::new(context, element)?;
     if plugin.kind != "area" || emitters.len() > 1 {
         let fault =
             format!("a shape has one emitter at most, of type \"area\", not \"{}\"", plugin.kind);
         return Err(context.document.fault(element.place, fault));
     }
-    let radiance = plugin.color(context, "radiance")?.unwrap_or(Rgb::ONE);
+    let written = plugin.get(&["radiance"]).map(|e| context.resolve(e)).transpose()?;
+    let Some(target) = written.filter(|target| target.tag == "texture") else {
+        let radiance = plugin.color(context, "radiance")?.unwrap_or(Rgb::ONE);
+        plugin.finish(context)?;
+        return Ok((radiance, None));
+    };
+    let id = texture(context, target, on_sphere)?;
     plugin.finish(context)?;
-    Ok(radiance)
+    let largest = context.assembly.textures[usize::from(id.0)].1.max();
+    if largest > MAX_LIGHT {
+        let fault =
+            format!("the radiance of the texture reaches {largest:e}; use at most {MAX_LIGHT:e}");
+        return Err(context.document.fault(target.place, fault));
+    }
+    Ok(if largest > 0.0 { (Rgb::ONE, Some(id)) } else { (Rgb::BLACK, None) })
 }
 
 fn sphere<'d>(
