@@ -18,6 +18,15 @@ const SHARE_OF_MAP: f32 = 0.5;
 /// An image of this many columns is fine enough for its irradiance to be that of points at the centers of texels.
 const FINE: usize = 384;
 
+/// Where the rows of an image lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rows {
+    /// Each in the middle of its share of the way from pole to pole, as texels of any image do.
+    Within,
+    /// The first and the last at the poles, as Mitsuba has it.
+    FromPoleToPole,
+}
+
 /// An image around the scene.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
@@ -27,6 +36,8 @@ pub struct EnvironmentMap {
     texels: Vec<Rgb>,
     /// From directions of the scene to those of the image, without any change of length.
     from_world: Mat3A,
+    /// Of its rows.
+    placement: Rows,
     /// Heights of the centers of rows, falling.
     heights: Vec<f32>,
     /// Of each row, the share of the radiance that comes from it or from rows above.
@@ -53,15 +64,36 @@ impl EnvironmentMap {
     /// An image of the given width and height, in rows from above, each at least 1, of finite values that aren't
     /// negative; `to_world` is orthogonal. In the space of the image +y is up and the middle of the image lies towards
     /// +z, its left quarter towards +x.
-    pub fn new([width, height]: [u32; 2], texels: Vec<Rgb>, to_world: Mat3A) -> Self {
+    pub fn new(size: [u32; 2], texels: Vec<Rgb>, to_world: Mat3A) -> Self {
+        Self::placed(size, texels, to_world, Rows::Within)
+    }
+
+    /// The same for an image whose first and last row are meant for the poles, as those of Mitsuba 3 are.
+    pub fn from_pole_to_pole(size: [u32; 2], texels: Vec<Rgb>, to_world: Mat3A) -> Self {
+        Self::placed(size, texels, to_world, Rows::FromPoleToPole)
+    }
+
+    fn placed(
+        [width, height]: [u32; 2],
+        texels: Vec<Rgb>,
+        to_world: Mat3A,
+        placement: Rows,
+    ) -> Self {
         let [w, h] = [width as usize, height as usize];
         assert!(texels.len() == w * h && w * h > 0, "an image has as many texels as its size says");
-        let height_of = |row: f64| libm::cos(row / h as f64 * std::f64::consts::PI) as f32;
-        let heights: Vec<f32> = (0..h).map(|row| height_of(row as f64 + 0.5)).collect();
+        // One row can't lie at two poles.
+        let placement = if h == 1 { Rows::Within } else { placement };
+        let height_of = |row: f64| libm::cos(row * std::f64::consts::PI) as f32;
+        let heights = (0..h).map(|row| match placement {
+            Rows::Within => height_of((row as f64 + 0.5) / h as f64),
+            Rows::FromPoleToPole => height_of(row as f64 / (h - 1) as f64),
+        });
+        let heights: Vec<f32> = heights.collect();
         let mut map = Self {
             size: [w, h],
             texels,
             from_world: to_world.transpose(),
+            placement,
             heights,
             rows: Vec::with_capacity(h),
             columns: Vec::with_capacity(w * h),
@@ -110,7 +142,11 @@ impl EnvironmentMap {
             let row = &self.texels[row * w..][..w];
             row[left] * (1.0 - f) + row[right] * f
         };
-        let y = math::acos(d.y) / PI * h as f32 - 0.5;
+        let down = math::acos(d.y) / PI;
+        let y = match self.placement {
+            Rows::Within => down * h as f32 - 0.5,
+            Rows::FromPoleToPole => down * (h - 1) as f32,
+        };
         if y < 0.0 || h == 1 {
             return along(0);
         }
@@ -180,6 +216,9 @@ impl EnvironmentMap {
         let mut digest = FingerprintBuilder::new();
         digest.pod(&self.size.map(|side| side as u64)).pod(&self.texels);
         digest.pod(&self.from_world.to_cols_array());
+        if self.placement == Rows::FromPoleToPole {
+            digest.bytes(b"from pole to pole");
+        }
         digest.finish()
     }
 

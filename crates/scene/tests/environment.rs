@@ -29,7 +29,10 @@ fn maps() -> Vec<(String, Light)> {
         texels[n / 2] = Rgb::BLACK;
         texels[n / 3] = Rgb::new(40.0, 30.0, 20.0);
         let matrix = if i % 2 == 0 { turned() } else { Mat3A::IDENTITY };
-        maps.push((format!("{size:?}"), light(EnvironmentMap::new(size, texels, matrix))));
+        let map = EnvironmentMap::new(size, texels.clone(), matrix);
+        maps.push((format!("{size:?}"), light(map)));
+        let map = EnvironmentMap::from_pole_to_pole(size, texels, matrix);
+        maps.push((format!("{size:?} from pole to pole"), light(map)));
     }
     maps
 }
@@ -63,6 +66,19 @@ fn bin(dir: Vec3A) -> usize {
 
 fn mean(c: Rgb) -> f64 {
     f64::from(c.mean())
+}
+
+#[test]
+fn rows_may_reach_the_poles() {
+    let texels = (0..6).map(|i| Rgb::splat((i / 2) as f32)).collect();
+    let light = light(EnvironmentMap::from_pole_to_pole([2, 3], texels, Mat3A::IDENTITY));
+    let at = |height: f32| {
+        let across = (1.0 - height * height).max(0.0).sqrt();
+        light.from_beyond(Vec3A::new(across, height, 0.0)).0.r
+    };
+    for (height, expected) in [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0), (-0.25, 1.25), (-1.0, 2.0)] {
+        assert!((at(height) - expected).abs() < 1e-5, "{height}: {}", at(height));
+    }
 }
 
 #[test]

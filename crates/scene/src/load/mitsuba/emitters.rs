@@ -88,7 +88,7 @@ fn map(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<EnvironmentMap, Err
     let path = source.resolve(file.attribute("value").unwrap_or(""));
     let (size, texels) = image::read_linear(source.reach(), &path, Rgb::splat(scale as f32))
         .map_err(|text| fault(file.place, text))?;
-    Ok(EnvironmentMap::new(size, texels, to_world.as_mat3().into()))
+    Ok(EnvironmentMap::from_pole_to_pole(size, texels, to_world.as_mat3().into()))
 }
 
 fn spot<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>) -> Result<Spot, Error> {
