@@ -24,7 +24,7 @@ fn all(folder: &Path, found: &mut Vec<PathBuf>) {
     for path in entries {
         if path.is_dir() {
             all(&path, found);
-        } else if path.file_name().is_some_and(|n| n == "scene.toml") {
+        } else if path.file_name().is_some_and(|n| n == "scene.toml" || n == "scene.xml") {
             found.push(path);
         }
     }
