@@ -2,7 +2,7 @@
 
 mod against;
 mod bars;
-mod environment;
+pub(crate) mod environment;
 mod figures;
 mod gallery;
 mod measure;

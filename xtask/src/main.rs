@@ -4,10 +4,12 @@ mod bench;
 mod demo;
 mod farm;
 mod programs;
+mod props;
 mod rabbit;
 mod stats;
 mod table;
 mod torture;
+mod validate;
 
 use std::process::ExitCode;
 
@@ -26,8 +28,10 @@ enum Command {
     Bench(Box<bench::Args>),
     Demo(demo::Args),
     Farm(farm::Args),
+    Props(props::Args),
     Rabbit(rabbit::Args),
     Torture(torture::Args),
+    Validate(validate::Args),
 }
 
 #[expect(clippy::print_stderr, reason = "a program says on standard error why it failed")]
@@ -36,8 +40,10 @@ fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Farm(args) => farm::run(&args),
+        Command::Props(args) => props::run(&args),
         Command::Rabbit(args) => rabbit::run(&args),
         Command::Torture(args) => torture::run(&args),
+        Command::Validate(args) => validate::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

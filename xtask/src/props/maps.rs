@@ -7,7 +7,7 @@ use glam::Vec3A;
 const SUN: Vec3A = Vec3A::new(-0.74, 0.6, 0.3);
 
 /// Half of what the sun spans, in degrees. It is wider than ours (0.27), so that a path tracer, too, meets it by chance.
-const SUN_RADIUS: f32 = 2.5;
+const SUN_RADIUS: f32 = 4.0;
 
 /// A sky above brown land.
 pub(super) fn sky(dir: Vec3A) -> Rgb {
@@ -17,7 +17,7 @@ pub(super) fn sky(dir: Vec3A) -> Rgb {
     }
     let sun = SUN.normalize();
     if math::acos(dir.dot(sun).min(1.0)) < SUN_RADIUS.to_radians() {
-        return Rgb::new(1500.0, 1250.0, 950.0);
+        return Rgb::new(590.0, 490.0, 370.0);
     }
     let up = 1.0 - math::pow(1.0 - dir.y, 3.0);
     // Haze brightens the sky around the sun.
