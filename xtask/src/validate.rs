@@ -68,6 +68,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let python = Python::find(args.python.as_deref(), &folder, args.install, &args.variant)?;
     let scenes = if args.scenes.is_empty() { all_scenes()? } else { args.scenes.clone() };
     let programs = programs::build()?;
+    // Of what was built: the sources may change while Mitsuba renders.
+    let commit = Environment::here("cargo xtask validate".into())?.commit;
 
     let header = [
         "scene, indirect light",
@@ -111,7 +113,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "\n![{scene}: Mitsuba, and our estimate and gathering, each with its FLIP]({scene}.png)\n"
         );
     }
-    let page = format!("{}\n{}{page}", heading(args, &version)?, table.to_markdown());
+    let page = format!("{}\n{}{page}", heading(args, &commit, &version), table.to_markdown());
     println!("{page}");
     fs::write(folder.join("README.md"), &page).context("cannot write the page")?;
     if let Some(name) = &args.record {
@@ -202,11 +204,9 @@ fn cells(
 }
 
 /// What was done, and what the columns are.
-fn heading(args: &Args, version: &str) -> anyhow::Result<String> {
+fn heading(args: &Args, commit: &str, version: &str) -> String {
     let Args { side, samples, supersample, photons, variant, .. } = args;
-    let environment = Environment::here("cargo xtask validate".into())?;
-    let commit = environment.commit;
-    Ok(format!(
+    format!(
         "# Against Mitsuba 3\n\n`cargo xtask validate --side {side} --samples {samples} --supersample {supersample} --photons {photons}` \
          at commit {commit}, with Mitsuba {version} ({variant}).\n\n\
          Mitsuba: integrator `path` without a limit of depth, {samples} samples a pixel, box filter. Ours: `--mode adaptive` with its \
@@ -217,5 +217,5 @@ fn heading(args: &Args, version: &str) -> anyhow::Result<String> {
          are photons and picture; of Mitsuba, rendering without loading. In the pictures: Mitsuba; ours by estimate, and its FLIP; ours by gathering, \
          and its FLIP.\n",
         n = supersample * supersample
-    ))
+    )
 }
