@@ -28,7 +28,18 @@ pub struct Camera {
     tan_half_fov: f32,
     fov_axis: FovAxis,
     film: Option<ImageSize>,
+    /// What its pictures show of the view.
+    crop: Option<Crop>,
     lens: Option<Lens>,
+}
+
+/// A part of a film, as shares of its width and height.
+#[derive(Clone, Copy, Debug)]
+struct Crop {
+    /// Its upper left corner.
+    corner: Vec2,
+    /// Its own width and height.
+    size: Vec2,
 }
 
 /// A thin lens.
@@ -54,6 +65,7 @@ impl Camera {
             tan_half_fov: math::tan(fov.to_radians() * 0.5),
             fov_axis,
             film: None,
+            crop: None,
             lens: None,
         }
     }
@@ -74,14 +86,27 @@ impl Camera {
         Self { film: Some(film), ..self }
     }
 
+    /// The same camera, whose pictures show that part of its film; the field of view is that of the whole film. `corner` is
+    /// the upper left one of the part, which lies within the film.
+    pub fn with_crop(self, film: ImageSize, corner: [u32; 2], part: ImageSize) -> Self {
+        let whole = Vec2::new(film.width as f32, film.height as f32);
+        let crop = Crop {
+            corner: Vec2::new(corner[0] as f32, corner[1] as f32) / whole,
+            size: Vec2::new(part.width as f32, part.height as f32) / whole,
+        };
+        Self { film: Some(part), crop: (part != film).then_some(crop), ..self }
+    }
+
     /// The size that its pictures are meant to have, if the scene tells.
     pub fn film(&self) -> Option<ImageSize> {
         self.film
     }
 
-    /// Half the extent of the picture at distance 1 along the view axis.
+    /// Half the extent of the film at distance 1 along the view axis, if its picture, which may show a part of it, has that
+    /// size.
     fn half_extent(&self, size: ImageSize) -> Vec2 {
-        let (w, h) = (size.width as f32, size.height as f32);
+        let film = self.crop.map_or(Vec2::ONE, |crop| crop.size);
+        let (w, h) = (size.width as f32 / film.x, size.height as f32 / film.y);
         let side = match self.fov_axis {
             FovAxis::X => w,
             FovAxis::Y => h,
@@ -110,8 +135,11 @@ impl Camera {
 
     /// From the eye to a place of the picture at distance 1 along the view axis.
     fn along(&self, size: ImageSize, at: Vec2) -> Vec3A {
-        let p = (at / Vec2::new(size.width as f32, size.height as f32) * 2.0 - Vec2::ONE)
-            * self.half_extent(size);
+        let mut place = at / Vec2::new(size.width as f32, size.height as f32);
+        if let Some(crop) = self.crop {
+            place = crop.corner + place * crop.size;
+        }
+        let p = (place * 2.0 - Vec2::ONE) * self.half_extent(size);
         self.forward + self.right * p.x - self.up * p.y
     }
 
@@ -124,12 +152,17 @@ impl Camera {
             return None;
         }
         let p = Vec2::new(d.dot(self.right), -d.dot(self.up)) / depth / self.half_extent(size);
-        Some((p + Vec2::ONE) * 0.5 * Vec2::new(size.width as f32, size.height as f32))
+        let mut place = (p + Vec2::ONE) * 0.5;
+        if let Some(crop) = self.crop {
+            place = (place - crop.corner) / crop.size;
+        }
+        Some(place * Vec2::new(size.width as f32, size.height as f32))
     }
 
     /// The side of a pixel at distance 1 along the view axis.
     pub fn pixel_extent(&self, size: ImageSize) -> f32 {
-        2.0 * self.half_extent(size).x / size.width as f32
+        let film = self.crop.map_or(1.0, |crop| crop.size.x);
+        2.0 * self.half_extent(size).x * film / size.width as f32
     }
 
     /// The distance of a point along the view axis.
@@ -152,6 +185,9 @@ impl Camera {
         // Nothing of pinholes, so that what was saved of their views stays valid.
         if let Some(Lens { radius, focus }) = self.lens {
             digest.bytes(b"lens").pod(&[radius, focus]);
+        }
+        if let Some(Crop { corner, size }) = self.crop {
+            digest.bytes(b"crop").pod(&corner.to_array()).pod(&size.to_array());
         }
         digest.finish()
     }
@@ -178,6 +214,34 @@ mod tests {
                 assert!((back - at).length() < 1e-2, "{at} became {back}");
             }
         }
+    }
+
+    #[test]
+    fn a_crop_shows_a_part_of_the_film() {
+        let film = ImageSize { width: 640, height: 360 };
+        let part = ImageSize { width: 64, height: 90 };
+        for axis in [FovAxis::X, FovAxis::Y, FovAxis::Diagonal] {
+            let whole = Camera::look_at(Vec3::ONE, Vec3::ZERO, Vec3::Y, 50.0, axis);
+            let camera = whole.with_crop(film, [100, 200], part);
+            assert_eq!(camera.film(), Some(part));
+            assert!(camera.fingerprint() != whole.fingerprint());
+            // Also if the picture has another size: here twice the width and height.
+            for scale in [1, 2] {
+                let size = ImageSize { width: 64 * scale, height: 90 * scale };
+                for at in [Vec2::new(0.5, 0.5), Vec2::new(63.5, 17.0)] {
+                    let ray = camera.ray(size, at * scale as f32);
+                    let expected = whole.ray(film, at + Vec2::new(100.0, 200.0));
+                    assert!((ray.dir() - expected.dir()).length() < 1e-6, "{axis:?}, {at}");
+                    let back = camera.project(size, ray.at(3.0)).unwrap();
+                    assert!((back - at * scale as f32).length() < 1e-2, "{back}");
+                }
+            }
+            let extents = camera.pixel_extent(part) / whole.pixel_extent(film);
+            assert!((extents - 1.0).abs() < 1e-5, "{extents}");
+        }
+        let whole = Camera::look_at(Vec3::ONE, Vec3::ZERO, Vec3::Y, 50.0, FovAxis::X);
+        let all = whole.with_crop(film, [0, 0], film);
+        assert_eq!(all.fingerprint(), whole.fingerprint());
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod obj;
 mod ply;
 mod polygon;
 mod reach;
+mod serialized;
 mod shapes;
 mod source;
 mod tables;

@@ -283,7 +283,7 @@ fn faults_are_named_with_their_place() {
         ("<ref id=\"glass\"/>", "<ref id=\"glas\"/>", "s.xml:33:79: nothing has the id \"glas\""),
         ("id=\"glass\"", "id=\"white\"", "s.xml:19:3: two elements have the id \"white\"; rename one"),
         ("type=\"cube\"", "type=\"hair\"",
-         "s.xml:35:3: shape \"hair\" isn't supported; the shapes are rectangle, cube, disk, cylinder, sphere, obj and ply"),
+         "s.xml:35:3: shape \"hair\" isn't supported; the shapes are rectangle, cube, disk, cylinder, sphere, obj, ply, serialized, shapegroup and instance"),
         ("type=\"dielectric\"", "type=\"principled\"",
          "s.xml:19:3: bsdf \"principled\" isn't supported; the bsdfs are diffuse, dielectric, thindielectric, conductor, roughdielectric, roughconductor and twosided"),
         ("type=\"dielectric\"", "type=\"plastic\"",

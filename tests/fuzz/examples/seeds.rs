@@ -41,7 +41,23 @@ fn main() {
         write("ply", name, &bytes);
     }
     on_the_way(&write);
+    for (name, bytes) in serialized() {
+        write("serialized", name, &bytes);
+    }
     images(&into("image", ""), &into("exr", ""));
+}
+
+/// What the target packs: a triangle with a normal each, in single and in double precision.
+fn serialized() -> Vec<(&'static str, Vec<u8>)> {
+    let numbers = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+    let mesh = |first: &[u8], places: Vec<u8>| {
+        let counts = [3_u64, 1].map(u64::to_le_bytes).concat();
+        [first, &counts, &places, &[0_u32, 1, 2].map(u32::to_le_bytes).concat()].concat()
+    };
+    vec![
+        ("single", mesh(&[1, 1, 0x10, 0, 0], numbers.map(|x: f64| (x as f32).to_le_bytes()).concat())),
+        ("double", mesh(&[3, 1, 0x20, 0, 0, b'a', 0], numbers.map(f64::to_le_bytes).concat())),
+    ]
 }
 
 fn scenes(folder: &Path) -> Vec<PathBuf> {

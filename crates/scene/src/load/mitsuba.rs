@@ -3,6 +3,7 @@
 //! Whatever isn't supported is refused by name, with line and column, or replaced and told of if the user asks for that.
 
 mod emitters;
+mod instances;
 mod materials;
 mod plugin;
 mod sensor;
@@ -13,6 +14,7 @@ mod xml;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::rc::Rc;
 
 use base::Rgb;
 use geometry::MaterialId;
@@ -76,6 +78,10 @@ struct Context<'d> {
     materials: BTreeMap<MaterialKey, MaterialId>,
     /// Textures by their place, and whether they are for spheres.
     textures: BTreeMap<(Place, bool), crate::TextureId>,
+    /// Groups that have instances.
+    groups: BTreeMap<Place, Rc<instances::Group>>,
+    /// What instances have added so far, in triangles and spheres.
+    n_instanced: usize,
 }
 
 impl<'d> Context<'d> {
@@ -88,6 +94,8 @@ impl<'d> Context<'d> {
             by_id: BTreeMap::new(),
             materials: BTreeMap::new(),
             textures: BTreeMap::new(),
+            groups: BTreeMap::new(),
+            n_instanced: 0,
         };
         let mut rest: Vec<&Element> = document.elements.iter().rev().collect();
         let mut aliases = Vec::new();

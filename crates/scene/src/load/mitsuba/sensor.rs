@@ -4,7 +4,7 @@ use base::ImageSize;
 use glam::DVec3;
 
 use super::Context;
-use super::plugin::{Plugin, numbers};
+use super::plugin::Plugin;
 use super::xml::Element;
 use crate::load::keys::list;
 use crate::load::source::MAX_LENGTH;
@@ -49,14 +49,18 @@ pub(super) fn camera<'d>(context: &mut Context<'d>, element: &'d Element) -> Res
     }
     let films = plugin.nested(context, &["film"])?;
     let film = match films.first() {
-        Some(film) => size(context, film)?,
-        None => ImageSize { width: 768, height: 576 },
+        Some(film) => self::film(context, film)?,
+        None => Film { size: DEFAULT_FILM, corner: [0, 0], part: DEFAULT_FILM },
     };
     plugin.finish(context)?;
     let origin = map.translation.as_vec3();
     // A target as far away as the origin is, so that their difference has digits left.
     let target = (map.translation + forward * map.translation.length().max(1.0)).as_vec3();
-    let camera = Camera::look_at(origin, target, up.as_vec3(), fov, axis).with_film(film);
+    let camera = Camera::look_at(origin, target, up.as_vec3(), fov, axis).with_crop(
+        film.size,
+        film.corner,
+        film.part,
+    );
     Ok(lens.map_or(camera, |(radius, focus)| camera.with_lens(radius, focus)))
 }
 
@@ -116,25 +120,38 @@ fn field_of_view(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<(f32, Fov
     Ok((fov as f32, axis))
 }
 
-/// The size of a film; how it stores and filters pictures is a matter of the programs.
-fn size<'d>(context: &mut Context<'d>, element: &'d Element) -> Result<ImageSize, Error> {
+/// A film, and the part of it that a picture shows.
+struct Film {
+    size: ImageSize,
+    corner: [u32; 2],
+    part: ImageSize,
+}
+
+/// What Mitsuba takes where nothing is said.
+const DEFAULT_FILM: ImageSize = ImageSize { width: 768, height: 576 };
+
+/// The size of a film and its crop; how it stores and filters pictures is a matter of the programs.
+fn film<'d>(context: &mut Context<'d>, element: &'d Element) -> Result<Film, Error> {
     let film = Plugin::new(context, element)?;
-    let width = film.count(context, "width")?.unwrap_or(768);
-    let height = film.count(context, "height")?.unwrap_or(576);
+    let count = |name: &str, default: u32| {
+        film.count(context, name).map(|number| number.unwrap_or(default))
+    };
+    let fault = |fault: String| Err(context.document.fault(element.place, fault));
+    let width = count("width", DEFAULT_FILM.width)?;
+    let height = count("height", DEFAULT_FILM.height)?;
     if width == 0 || height == 0 {
-        let fault = format!("the film has {width}x{height} pixels; give at least one");
-        return Err(context.document.fault(element.place, fault));
+        return fault(format!("the film has {width}x{height} pixels; give at least one"));
     }
-    for name in ["crop_offset_x", "crop_offset_y", "crop_width", "crop_height"] {
-        if let Some(written) = film.get(&[name])
-            && !matches!(
-                (name, numbers(context, written, "value")?.as_slice()),
-                ("crop_offset_x" | "crop_offset_y", [0.0])
-            )
-        {
-            let what = format!("`{name}` isn't supported");
-            context.refuse(written.place, &what, "the whole film is shown")?;
-        }
+    let corner = [count("crop_offset_x", 0)?, count("crop_offset_y", 0)?];
+    // What lies behind the corner.
+    let rest = [width.saturating_sub(corner[0]), height.saturating_sub(corner[1])];
+    let part =
+        ImageSize { width: count("crop_width", rest[0])?, height: count("crop_height", rest[1])? };
+    if part.width == 0 || part.height == 0 || part.width > rest[0] || part.height > rest[1] {
+        return fault(format!(
+            "the crop of {}x{} pixels at {}, {} doesn't lie within the film of {width}x{height}",
+            part.width, part.height, corner[0], corner[1]
+        ));
     }
-    Ok(ImageSize { width, height })
+    Ok(Film { size: ImageSize { width, height }, corner, part })
 }

@@ -4,16 +4,16 @@ use base::{Rgb, math};
 use geometry::{MaterialId, Mesh, Sphere};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Quat, Vec2, Vec3};
 
-use super::Context;
 use super::materials::material;
 use super::plugin::Plugin;
 use super::textures::texture;
 use super::xml::Element;
+use super::{Context, instances};
 use crate::load::keys::list;
 use crate::load::mesh_checks::has_area;
 use crate::load::obj::{self, Materials};
 use crate::load::source::{MAX_LENGTH, MAX_LIGHT};
-use crate::load::{meshes, ply, shapes, transform};
+use crate::load::{meshes, ply, serialized, shapes, transform};
 use crate::{Error, TextureId};
 
 /// Sides of the polygons that stand for circles: their area is 0.04 % too small.
@@ -22,6 +22,12 @@ const SIDES: u32 = 128;
 /// Adds a shape.
 pub(super) fn add<'d>(context: &mut Context<'d>, element: &'d Element) -> Result<(), Error> {
     let plugin = Plugin::new(context, element)?;
+    match plugin.kind {
+        // It counts where instances show it.
+        "shapegroup" => return Ok(()),
+        "instance" => return instances::add(context, element),
+        _ => {}
+    }
     let fault =
         |context: &Context<'_>, fault: String| Err(context.document.fault(element.place, fault));
     let number = context.assembly.meshes.len() + context.assembly.spheres.len() + 1;
@@ -155,9 +161,20 @@ fn mesh<'d>(
         }
         "disk" => Ok(disk(material)),
         "cylinder" => cylinder(context, plugin, material),
-        "obj" | "ply" => from_file(context, plugin, material),
+        "obj" | "ply" | "serialized" => from_file(context, plugin, material),
         _ => {
-            let known = ["rectangle", "cube", "disk", "cylinder", "sphere", "obj", "ply"];
+            let known = [
+                "rectangle",
+                "cube",
+                "disk",
+                "cylinder",
+                "sphere",
+                "obj",
+                "ply",
+                "serialized",
+                "shapegroup",
+                "instance",
+            ];
             let fault =
                 format!("{} isn't supported; the shapes are {}", plugin.title(), list(&known));
             Err(context.document.fault(plugin.element.place, fault))
@@ -246,12 +263,19 @@ fn from_file<'d>(
     })?;
     let textured = context.assembly.is_textured(material);
     let is_obj = plugin.kind == "obj";
-    let (mut mesh, warnings) = if is_obj {
-        let obj = obj::read(&path, &bytes, Materials::Ignored { textured })?;
-        (obj.mesh, obj.warnings)
-    } else {
-        let ply = ply::read(&path, &bytes, material, textured)?;
-        (ply.mesh, ply.warnings)
+    let (mut mesh, warnings) = match plugin.kind {
+        "obj" => {
+            let obj = obj::read(&path, &bytes, Materials::Ignored { textured })?;
+            (obj.mesh, obj.warnings)
+        }
+        "ply" => {
+            let ply = ply::read(&path, &bytes, material, textured)?;
+            (ply.mesh, ply.warnings)
+        }
+        _ => {
+            let index = plugin.count(context, "shape_index")?.unwrap_or(0);
+            (serialized::read(&path, &bytes, index, material, textured)?, Vec::new())
+        }
     };
     context.assembly.warnings.extend(warnings);
     mesh.materials.fill(material);
