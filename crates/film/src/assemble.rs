@@ -5,14 +5,16 @@ use std::path::Path;
 
 use atomic_file::Existing;
 use base::{Grid, ImageSize, Rgb, Window};
+use rayon::prelude::*;
 
 use crate::part::Rows;
 use crate::picture::rgb_names;
-use crate::write_exr::{header, write_rows};
-use crate::{Error, Part};
+use crate::write_exr::{header, write_blocks};
+use crate::{Error, Part, zip};
 
 /// Joins parts to the file that [`write_exr`](crate::write_exr) makes of the whole picture: the same bytes. Returns their
-/// number. Some rows are in memory at a time, and one block of each part that they cross.
+/// number. Some rows are in memory at a time, and one block of each part that they cross. Where a part spans whole rows,
+/// from a multiple of 16 on, its blocks are those of the picture: they are copied, and never unpacked.
 ///
 /// # Errors
 /// When a part can't be read or is damaged, or when the picture can't be written.
@@ -24,7 +26,12 @@ pub fn assemble_exr(path: &Path, existing: Existing, parts: &[Part]) -> Result<u
     let first = &parts[0];
     let names = first.names().iter().map(String::as_str);
     let header = header(Window::whole(first.window().whole), first.metadata(), names);
-    write_rows(path, existing, header, |rows| bands.next(rows))
+    let width = first.window().whole.width as usize;
+    write_blocks(path, existing, header, |blocks| {
+        let blocks = blocks.iter().map(|rows| bands.next_block(rows.clone()));
+        let blocks: Vec<Block> = blocks.collect::<Result<_, _>>()?;
+        Ok(blocks.into_par_iter().map(|block| block.packed(width)).collect())
+    })
 }
 
 /// The beauty of the picture that the parts make up.
@@ -56,6 +63,23 @@ pub fn assemble_rgb(parts: &[Part]) -> Result<Grid<Rgb>, Error> {
     Ok(Grid::from_values(size, values))
 }
 
+/// Some rows of the whole.
+enum Block {
+    /// As they are in the file.
+    Packed(Vec<u8>),
+    /// By channel.
+    Rows(Vec<Vec<f32>>),
+}
+
+impl Block {
+    fn packed(self, width: usize) -> Vec<u8> {
+        match self {
+            Self::Packed(bytes) => bytes,
+            Self::Rows(channels) => zip::pack(&channels, width),
+        }
+    }
+}
+
 /// The rows of the whole, from the first to the last.
 struct Bands<'p> {
     parts: &'p [Part],
@@ -79,26 +103,54 @@ impl<'p> Bands<'p> {
         Self { parts, size, open: Vec::new() }
     }
 
+    /// The rows of a block. They must follow those of the call before.
+    fn next_block(&mut self, rows: Range<usize>) -> Result<Block, Error> {
+        self.open(rows.start)?;
+        let has_block = |part: &Part| {
+            let [x, end_x, y, end_y] = part.window().bounds().map(|side| side as usize);
+            end_x - x == self.size.width as usize && y % zip::LINES == 0 && end_y >= rows.end
+        };
+        match self.open.first_mut() {
+            Some((i, part)) if has_block(&self.parts[*i]) => {
+                let packed = part.next_packed()?;
+                self.close(rows.end);
+                Ok(Block::Packed(packed))
+            }
+            _ => Ok(Block::Rows(self.next(rows)?)),
+        }
+    }
+
     /// Some rows by channel. They must follow those of the call before.
     fn next(&mut self, rows: Range<usize>) -> Result<Vec<Vec<f32>>, Error> {
         let width = self.size.width as usize;
         let n_channels = self.parts[0].names().len();
         let mut band = vec![vec![0.0; rows.len() * width]; n_channels];
         for y in rows.clone() {
-            for (i, part) in self.parts.iter().enumerate() {
-                if part.window().corner.y as usize == y {
-                    self.open.push((i, part.rows()?));
-                }
-            }
+            self.open(y)?;
             for (i, part) in &mut self.open {
                 let start = (y - rows.start) * width + self.parts[*i].window().corner.x as usize;
                 for (values, row) in band.iter_mut().zip(part.next()?) {
                     values[start..start + row.len()].copy_from_slice(row);
                 }
             }
-            let ends = |i: usize| self.parts[i].window().bounds()[3] as usize;
-            self.open.retain(|(i, _)| ends(*i) > y + 1);
+            self.close(y + 1);
         }
         Ok(band)
+    }
+
+    /// Opens the parts that begin with this row and aren't open.
+    fn open(&mut self, y: usize) -> Result<(), Error> {
+        for (i, part) in self.parts.iter().enumerate() {
+            let is_open = || self.open.iter().any(|(k, _)| *k == i);
+            if part.window().corner.y as usize == y && !is_open() {
+                self.open.push((i, part.rows()?));
+            }
+        }
+        Ok(())
+    }
+
+    /// Closes the parts that end before this row.
+    fn close(&mut self, y: usize) {
+        self.open.retain(|(i, _)| self.parts[*i].window().bounds()[3] as usize > y);
     }
 }

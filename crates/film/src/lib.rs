@@ -33,6 +33,7 @@ mod reconstruct;
 mod srgb;
 mod write_exr;
 mod write_png;
+mod zip;
 
 pub use assemble::{assemble_exr, assemble_rgb};
 pub use atomic_file::Existing;

@@ -1,21 +1,23 @@
 //! Parts of pictures: what a tile holds, block by block.
 //!
 //! The metadata of a part are `{"part":{"digest":"..."},"picture":...}`, with those of the picture at the end as they
-//! are. The digest is of everything: a part may lie on any disk for any time before it is joined with others, and the
-//! format itself doesn't notice damage to what isn't compressed.
+//! are. The digest is of everything, the blocks as they lie in the file: a part may lie on any disk for any time before it
+//! is joined with others, and the format itself doesn't notice damage to what can't be compressed.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use base::{Fingerprint, FingerprintBuilder, ImageSize, Window};
 use exr::block::UncompressedBlock;
-use exr::block::reader::AllChunksReader;
+use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::block::reader::{AllChunksReader, ChunksReader};
 use exr::meta::BlockDescription;
-use exr::meta::attribute::{Compression, LineOrder, SampleType};
+use exr::meta::attribute::{LineOrder, SampleType};
 
-use crate::Error;
 use crate::read_exr::{self, Fault};
+use crate::{Error, zip};
 
 /// A part of a picture in an OpenEXR file. Its pixels are not in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,7 +52,7 @@ impl Part {
             let end_y = y.checked_add(side(data.size.height())?)?;
             let is_ours = display.position.x() == 0
                 && display.position.y() == 0
-                && header.compression == Compression::Uncompressed
+                && header.compression == zip::COMPRESSION
                 && header.blocks == BlockDescription::ScanLines
                 && header.line_order == LineOrder::Increasing
                 && header.channels.list.iter().all(|c| c.sample_type == SampleType::F32);
@@ -127,47 +129,68 @@ pub(crate) struct Rows<'p> {
 }
 
 impl Rows<'_> {
-    /// The next row by channel. Damage that no block shows is found with the last one.
+    /// The next row by channel. Damage that no block shows is found with the last block.
     pub(crate) fn next(&mut self) -> Result<Vec<&[f32]>, Error> {
         if self.y == self.end {
             self.next_block().map_err(|fault| fault.at(&self.part.path))?;
         }
         let width = self.part.window.size.width as usize;
         let start = (self.y - self.first) * width;
-        let row: Vec<&[f32]> =
-            self.block.iter().map(|values| &values[start..start + width]).collect();
-        self.digest.row(&row);
         self.y += 1;
-        if self.y == self.part.window.size.height as usize
-            && self.digest.to_string() != self.part.digest
-        {
-            let fault = "what it holds does not match its digest".into();
-            return Err(Fault::Damaged(fault).at(&self.part.path));
+        Ok(self.block.iter().map(|values| &values[start..start + width]).collect())
+    }
+
+    /// The next block as it is packed. The rows before it have been taken.
+    pub(crate) fn next_packed(&mut self) -> Result<Vec<u8>, Error> {
+        assert_eq!(self.y, self.end, "the start of a block");
+        let (rows, chunk) = self.next_chunk().map_err(|fault| fault.at(&self.part.path))?;
+        self.y = rows.end;
+        (self.first, self.end) = (rows.end, rows.end);
+        match chunk.compressed_block {
+            CompressedBlock::ScanLine(block) => Ok(block.compressed_pixels_le),
+            _ => unreachable!("`next_chunk` gives scan lines"),
         }
-        Ok(row)
     }
 
     fn next_block(&mut self) -> Result<(), Fault> {
         let damaged = |fault: &str| Fault::Damaged(fault.into());
-        let chunk = self.chunks.next().ok_or_else(|| damaged("the blocks end too early"))??;
-        let meta = exr::block::reader::ChunksReader::meta_data(&self.chunks);
+        let (rows, chunk) = self.next_chunk()?;
+        let meta = self.chunks.meta_data();
         let block = UncompressedBlock::decompress_chunk(chunk, meta, false)?;
         let width = self.part.window.size.width as usize;
-        let size = block.index.pixel_size;
-        if block.index.pixel_position.y() != self.y || size.width() != width {
-            return Err(damaged("a block is not where it belongs"));
-        }
-        self.block = vec![vec![0.0; size.area()]; self.part.names.len()];
+        self.block = vec![vec![0.0; rows.len() * width]; self.part.names.len()];
         for line in block.lines(&meta.headers[0].channels) {
             let location = line.location;
-            let start = (location.position.y() - self.y) * width + location.position.x();
-            let values = self.block[location.channel]
-                .get_mut(start..start + location.sample_count)
+            let y = location.position.y().checked_sub(rows.start);
+            let start = y.map(|y| y * width + location.position.x());
+            let values = start
+                .and_then(|start| {
+                    self.block[location.channel].get_mut(start..start + location.sample_count)
+                })
                 .ok_or_else(|| damaged("a block lies outside the picture"))?;
             line.read_samples_into_slice(values)?;
         }
-        (self.first, self.end) = (self.y, self.y + size.height());
+        (self.first, self.end) = (rows.start, rows.end);
         Ok(())
+    }
+
+    /// The next block of the file, and its rows.
+    fn next_chunk(&mut self) -> Result<(Range<usize>, Chunk), Fault> {
+        let damaged = |fault: &str| Fault::Damaged(fault.into());
+        let chunk = self.chunks.next().ok_or_else(|| damaged("the blocks end too early"))??;
+        let Window { corner, size, .. } = self.part.window;
+        let rows = self.y..(self.y + zip::LINES).min(size.height as usize);
+        let CompressedBlock::ScanLine(block) = &chunk.compressed_block else {
+            return Err(damaged("a block has no scan lines"));
+        };
+        if i64::from(block.y_coordinate) != i64::from(corner.y) + rows.start as i64 {
+            return Err(damaged("a block is not where it belongs"));
+        }
+        self.digest.block(&block.compressed_pixels_le);
+        if rows.end == size.height as usize && self.digest.to_string() != self.part.digest {
+            return Err(damaged("what it holds does not match its digest"));
+        }
+        Ok((rows, chunk))
     }
 }
 
@@ -189,11 +212,9 @@ impl PartDigest {
         Self(digest)
     }
 
-    /// Adds the next row of each channel.
-    pub(crate) fn row<T: AsRef<[f32]>>(&mut self, channels: &[T]) {
-        for values in channels {
-            self.0.pod(values.as_ref());
-        }
+    /// Adds the next block, as it is packed.
+    pub(crate) fn block(&mut self, packed: &[u8]) {
+        self.0.bytes(packed);
     }
 }
 

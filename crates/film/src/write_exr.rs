@@ -6,19 +6,18 @@ use std::path::Path;
 
 use atomic_file::Existing;
 use base::Window;
-use exr::block::UncompressedBlock;
-use exr::block::chunk::Chunk;
+use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::writer::ChunksWriter;
 use exr::math::Vec2;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{
-    AttributeValue, ChannelDescription, Compression, IntegerBounds, LineOrder, SampleType, Text,
+    AttributeValue, ChannelDescription, IntegerBounds, LineOrder, SampleType, Text,
 };
 use exr::meta::header::{Header, LayerAttributes};
 use rayon::prelude::*;
 
 use crate::part::{self, PartDigest};
-use crate::{Error, Picture};
+use crate::{Error, Picture, zip};
 
 /// The attribute that holds the metadata of a picture.
 ///
@@ -35,8 +34,7 @@ const BYTES_AT_ONCE: usize = 1 << 28;
 ///
 /// The channels are sorted by name, as the format asks. The same picture gives the same bytes. The metadata goes into
 /// the string attribute `tetralux`. What is a part of a picture has that part as its data window, the whole picture as its
-/// display window, and a digest of all that it holds beside its metadata: see [`Part`](crate::Part). It isn't compressed: that
-/// takes longer than a tile's pixels do in mode adaptive, and is done once, when parts are joined.
+/// display window, and a digest of all that it holds beside its metadata: see [`Part`](crate::Part).
 ///
 /// # Errors
 /// When a value is NaN or infinite, when there are no pixels, or when the file cannot be written.
@@ -60,58 +58,59 @@ pub fn write_exr(path: &Path, existing: Existing, picture: &Picture) -> Result<u
     let mut channels: Vec<(&str, &[f32])> = picture.channels().collect();
     channels.sort_by_key(|(name, _)| *name);
     let names = channels.iter().map(|(name, _)| *name);
-    let values: Vec<&[f32]> = channels.iter().map(|(_, values)| *values).collect();
     let width = size.width as usize;
-    let rows = |rows: Range<usize>| -> Vec<&[f32]> {
-        values.iter().map(|v| &v[rows.start * width..rows.end * width]).collect()
+    let pack = |rows: &Range<usize>| {
+        let part = rows.start * width..rows.end * width;
+        let values: Vec<&[f32]> = channels.iter().map(|(_, v)| &v[part.clone()]).collect();
+        zip::pack(&values, width)
     };
-    let metadata = if window.is_whole() {
-        picture.metadata().to_owned()
-    } else {
-        let mut digest = PartDigest::new(window, picture.metadata(), names.clone());
-        (0..size.height as usize).for_each(|y| digest.row(&rows(y..y + 1)));
-        part::seal(digest, picture.metadata())
-    };
-    let header = header(window, &metadata, names);
-    write_rows(path, existing, header, |range| Ok(rows(range)))
+    if window.is_whole() {
+        let header = header(window, picture.metadata(), names);
+        return write_blocks(path, existing, header, |blocks| {
+            Ok(blocks.par_iter().map(pack).collect())
+        });
+    }
+    // The digest is of the packed blocks, and lies before them.
+    let blocks: Vec<Range<usize>> = zip::blocks(size.height as usize).collect();
+    let packed: Vec<Vec<u8>> = blocks.par_iter().map(pack).collect();
+    let mut digest = PartDigest::new(window, picture.metadata(), names.clone());
+    packed.iter().for_each(|block| digest.block(block));
+    let header = header(window, &part::seal(digest, picture.metadata()), names);
+    let mut packed = packed.into_iter();
+    write_blocks(path, existing, header, |blocks| Ok(packed.by_ref().take(blocks.len()).collect()))
 }
 
-/// Writes a picture whose rows are asked for in order: the values of each channel, in the order of the header.
-pub(crate) fn write_rows<T: AsRef<[f32]> + Sync>(
+/// Writes a picture whose packed blocks are asked for in order, some at a time, by the rows that they hold.
+pub(crate) fn write_blocks(
     path: &Path,
     existing: Existing,
     header: Header,
-    mut rows: impl FnMut(Range<usize>) -> Result<Vec<T>, Error>,
+    mut pack: impl FnMut(&[Range<usize>]) -> Result<Vec<Vec<u8>>, Error>,
 ) -> Result<u64, Error> {
     let (width, height) = (header.layer_size.width(), header.layer_size.height());
-    let lines = header.compression.scan_lines_per_block();
-    let block_bytes = header.channels.bytes_per_pixel * width * lines;
+    let block_bytes = header.channels.bytes_per_pixel * width * zip::LINES;
     let blocks_at_once = (BYTES_AT_ONCE / block_bytes.max(1)).clamp(1, BLOCKS_AT_ONCE);
+    let top = header.own_attributes.layer_position.y();
+    let blocks: Vec<Range<usize>> = zip::blocks(height).collect();
     let mut failure = None;
     let written = atomic_file::write(path, existing, |out| {
-        exr::block::write(out, [header].into_iter().collect(), true, |meta, writer| {
-            let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
+        exr::block::write(out, [header].into_iter().collect(), true, |_, writer| {
             for (i, blocks) in blocks.chunks(blocks_at_once).enumerate() {
-                let first = i * blocks_at_once * lines;
-                let last = (first + blocks.len() * lines).min(height);
-                let values = rows(first..last).map_err(|error| {
+                let packed = pack(blocks).map_err(|error| {
                     let message = error.to_string();
                     failure = Some(error);
                     exr::error::Error::Io(io::Error::other(message))
                 })?;
-                let compress = |&(index, block)| -> exr::error::Result<(usize, Chunk)> {
-                    let channels = &meta.headers[0].channels;
-                    let block = UncompressedBlock::from_lines(channels, block, |line| {
-                        let start = (line.location.position.y() - first) * width;
-                        let samples = &values[line.location.channel].as_ref()[start..start + width];
-                        line.value.copy_from_slice(bytemuck::cast_slice(samples));
-                    });
-                    Ok((index, block.compress_to_chunk(&meta.headers)?))
-                };
-                let compressed: Vec<_> = blocks.par_iter().map(compress).collect();
-                for chunk in compressed {
-                    let (index, chunk) = chunk?;
-                    writer.write_chunk(index, chunk)?;
+                for (k, (rows, bytes)) in blocks.iter().zip(packed).enumerate() {
+                    let block = CompressedScanLineBlock {
+                        y_coordinate: top + rows.start as i32,
+                        compressed_pixels_le: bytes,
+                    };
+                    let chunk = Chunk {
+                        layer_index: 0,
+                        compressed_block: CompressedBlock::ScanLine(block),
+                    };
+                    writer.write_chunk(i * blocks_at_once + k, chunk)?;
                 }
             }
             Ok(())
@@ -146,11 +145,9 @@ pub(crate) fn header<'a>(
         quantize_linearly: false,
         sampling: (1, 1).into(),
     });
-    let compression =
-        if window.is_whole() { Compression::ZIP16 } else { Compression::Uncompressed };
     let display = IntegerBounds::from_dimensions((whole.width as usize, whole.height as usize));
     Header::new(Text::default(), (size.width as usize, size.height as usize), channels.collect())
-        .with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing)
+        .with_encoding(zip::COMPRESSION, BlockDescription::ScanLines, LineOrder::Increasing)
         .with_attributes(attributes)
         .with_display_window(display)
 }

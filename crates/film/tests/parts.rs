@@ -10,9 +10,12 @@ use film::{Error, Existing, Part, Picture, assemble_exr, assemble_rgb, read_exr,
 
 const SIZE: ImageSize = ImageSize { width: 83, height: 71 };
 
-/// Windows that fill the picture, none at a multiple of 16.
-const WINDOWS: [[u32; 4]; 5] =
-    [[0, 30, 0, 50], [30, 83, 0, 17], [30, 83, 17, 50], [0, 7, 50, 71], [7, 83, 50, 71]];
+/// Windows that fill the picture: none at a multiple of 16; bands, whose blocks are copied where they can be; both.
+const WINDOWS: [&[[u32; 4]]; 3] = [
+    &[[0, 30, 0, 50], [30, 83, 0, 17], [30, 83, 17, 50], [0, 7, 50, 71], [7, 83, 50, 71]],
+    &[[0, 83, 0, 16], [0, 83, 16, 40], [0, 83, 40, 48], [0, 83, 48, 71]],
+    &[[0, 83, 0, 32], [0, 40, 32, 64], [40, 83, 32, 64], [0, 83, 64, 71]],
+];
 
 /// Noise, which compression leaves as it is, and a gradient.
 fn channels() -> Vec<(&'static str, Grid<f32>)> {
@@ -39,10 +42,10 @@ fn write(path: &Path, bounds: [u32; 4], metadata: &str) {
 fn parts_make_the_bytes_of_the_whole() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    for metadata in ["", r#"{"seed":7,"part":null}"#] {
+    for (metadata, windows) in ["", r#"{"seed":7,"part":null}"#, "{}"].into_iter().zip(WINDOWS) {
         let whole = picture(Window::whole(SIZE), metadata);
         write_exr(&at("whole.exr"), Existing::Replace, &whole).unwrap();
-        let parts: Vec<Part> = (WINDOWS.iter().enumerate())
+        let parts: Vec<Part> = (windows.iter().enumerate())
             .map(|(i, &bounds)| {
                 let path = at(&format!("{i}.exr"));
                 write(&path, bounds, metadata);

@@ -14,13 +14,15 @@ use crate::header::{self, Block};
 use crate::map::{ALIGNMENT, Bytes};
 use crate::{Array, Error, Header, codec};
 
-/// A map whose every byte was verified.
+/// A map, of which nothing is lent out that wasn't verified.
 #[derive(Clone, Debug)]
 pub struct MapFile {
     path: PathBuf,
     header: Header,
     bytes: Arc<Bytes>,
     sections: Vec<(Entry, Range<usize>)>,
+    /// Whether sections were verified when the map was opened, rather than when they are asked for.
+    is_verified: bool,
 }
 
 impl MapFile {
@@ -32,6 +34,21 @@ impl MapFile {
     /// When the file cannot be read, is not a map, is one of another kind or version, or differs in any bit from what
     /// was written.
     pub fn open<M: DeserializeOwned>(
+        path: &Path,
+        kind: &str,
+        version: u32,
+    ) -> Result<(Self, M), Error> {
+        let (mut map, metadata) = Self::open_in_part(path, kind, version)?;
+        map.sections.iter().try_for_each(|section| map.verify(section))?;
+        map.is_verified = true;
+        Ok((map, metadata))
+    }
+
+    /// As [`open`](Self::open), but a section is verified when it is asked for, every time: for who needs a few of many.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open), but for what is wrong with sections.
+    pub fn open_in_part<M: DeserializeOwned>(
         path: &Path,
         kind: &str,
         version: u32,
@@ -56,9 +73,10 @@ impl MapFile {
                 remedy: header.remedy(path),
             });
         }
-        match verify(&bytes, block) {
+        match read_directory(&bytes, block) {
             Ok((sections, metadata)) => {
-                Ok((Self { path: path.into(), header, bytes: Arc::new(bytes), sections }, metadata))
+                let (path, bytes) = (path.into(), Arc::new(bytes));
+                Ok((Self { path, header, bytes, sections, is_verified: false }, metadata))
             }
             Err((offset, what)) => Err(Error::Corrupt {
                 path: path.into(),
@@ -67,6 +85,18 @@ impl MapFile {
                 remedy: Some(header.remedy(path)),
             }),
         }
+    }
+
+    fn verify(&self, (entry, range): &Placed) -> Result<(), Error> {
+        if xxh3_64(&self.bytes[range.clone()]) == entry.xxh3 {
+            return Ok(());
+        }
+        Err(Error::Corrupt {
+            path: self.path.clone(),
+            what: format!("section `{}` does not match its digest", entry.name),
+            offset: Some(range.start as u64),
+            remedy: Some(self.header.remedy(&self.path)),
+        })
     }
 
     /// What the map says about itself.
@@ -89,20 +119,24 @@ impl MapFile {
     /// The section `name`, in place.
     ///
     /// # Errors
-    /// When there is no such section, or its elements are not of the size of `T`.
+    /// When there is no such section, its elements are not of the size of `T`, or it isn't as it was written.
     pub fn array<T: Pod>(&self, name: &str) -> Result<Array<T>, Error> {
         const { assert!(size_of::<T>() > 0 && align_of::<T>() <= ALIGNMENT) };
-        let (entry, range) = self
+        let section = self
             .sections
             .iter()
             .find(|(entry, _)| entry.name == name)
             .ok_or_else(|| self.corrupt(format!("it has no section `{name}`")))?;
+        let (entry, range) = section;
         let other_size = || {
             let (found, expected) = (entry.element_bytes, size_of::<T>());
             self.corrupt(format!("elements of `{name}` have {found} bytes instead of {expected}"))
         };
         if entry.element_bytes != size_of::<T>() as u64 {
             return Err(other_size());
+        }
+        if !self.is_verified {
+            self.verify(section)?;
         }
         Array::in_file(&self.bytes, range.clone()).ok_or_else(other_size)
     }
@@ -136,9 +170,9 @@ impl MapFile {
 /// An array and the bytes where it lies.
 type Placed = (Entry, Range<usize>);
 
-/// The arrays and the metadata of a file, if all its bytes after the header are as they were written.
-/// Otherwise where and how they are not.
-fn verify<M: DeserializeOwned>(
+/// The arrays and the metadata of a file, if all its bytes after the header, those of arrays aside, are as they were
+/// written. Otherwise where and how they are not.
+fn read_directory<M: DeserializeOwned>(
     file: &[u8],
     block: Block,
 ) -> Result<(Vec<Placed>, M), (usize, String)> {
@@ -165,10 +199,6 @@ fn verify<M: DeserializeOwned>(
         if let Some(at) = file[end..range.start].iter().position(|byte| *byte != 0) {
             return Err((end + at, format!("something precedes section `{}`", entry.name)));
         }
-        if xxh3_64(&file[range.clone()]) != entry.xxh3 {
-            let what = format!("section `{}` does not match its digest", entry.name);
-            return Err((range.start, what));
-        }
         end = range.end;
     }
     Ok((entries.into_iter().zip(ranges).collect(), metadata))
@@ -189,9 +219,9 @@ mod tests {
     #[test]
     fn hostile_lengths_of_the_metadata_are_refused() {
         let (file, block) = sealed(&[0; 8], &[]);
-        verify::<()>(&file, block).unwrap();
+        read_directory::<()>(&file, block).unwrap();
         for bytes in [9, 13, 1 << 40, u64::MAX - 3, u64::MAX] {
-            let (at, what) = verify::<()>(&file, Block { bytes, ..block }).unwrap_err();
+            let (at, what) = read_directory::<()>(&file, Block { bytes, ..block }).unwrap_err();
             assert_eq!((at, &*what), (13, "the file ends before its metadata does"));
         }
     }
@@ -211,11 +241,11 @@ mod tests {
         let padding = vec![0; start - end];
         let (mut file, block) =
             sealed(&codec::encode(&entries.as_slice()), &[&padding, &[7; 4][..]].concat());
-        assert_eq!(verify::<()>(&file, block).unwrap().0[0].1, start..start + 4);
+        assert_eq!(read_directory::<()>(&file, block).unwrap().0[0].1, start..start + 4);
         for at in end..start {
             file[at] = 1;
             let expected = (at, "something precedes section `a`".to_owned());
-            assert_eq!(verify::<()>(&file, block).unwrap_err(), expected);
+            assert_eq!(read_directory::<()>(&file, block).unwrap_err(), expected);
             file[at] = 0;
         }
     }
@@ -237,7 +267,7 @@ mod tests {
         ) {
             let block = [&[n_entries], &*words].concat();
             let (file, block) = sealed(bytemuck::cast_slice(&block), &rest);
-            if let Ok((sections, _)) = verify::<Vec<String>>(&file, block) {
+            if let Ok((sections, _)) = read_directory::<Vec<String>>(&file, block) {
                 for (entry, range) in sections {
                     prop_assert!(range.start <= range.end && range.end <= file.len());
                     prop_assert_eq!(range.len() as u64, entry.element_bytes * entry.count);

@@ -319,6 +319,19 @@ fn a_map_with_any_bit_flipped_is_refused() {
     scratch.open(&bytes).unwrap();
 }
 
+#[test]
+fn a_map_opened_in_part_is_verified_by_section() {
+    let (scratch, mut bytes) = (Scratch::new(), EXAMPLE.clone());
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    let refusal = scratch.open(&bytes).unwrap_err().to_string();
+    let (map, there) = MapFile::open_in_part::<Metadata>(&scratch.path, KIND, VERSION).unwrap();
+    assert_eq!(there, metadata());
+    assert_eq!(*map.array::<Photon>("photons").unwrap(), photons());
+    assert_eq!(map.array::<u8>("flags").unwrap_err().to_string(), refusal);
+    assert!(refusal.contains("section `flags` does not match its digest"), "{refusal}");
+}
+
 /// If this fails, maps on people's disks are no longer read: raise `FORMAT`, don't just replace the file.
 #[test]
 fn the_committed_map_is_read_and_written_byte_for_byte() {

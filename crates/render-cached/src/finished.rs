@@ -3,10 +3,11 @@
 //! Mode adaptive decides for the whole picture: what a mirror shows is looked up in the view, edges are followed wherever
 //! they lead, and the error is that of all pixels. So one task computes, and tiles take from its file what they show.
 
+use std::ops::Range;
 use std::path::Path;
 
 use anyhow::bail;
-use base::{Component, Components, Grid, ImageSize, Inventory, Pixel, Rgb, Window};
+use base::{Component, Components, Grid, ImageSize, Inventory, Rgb};
 use cache_map::Reason;
 use cli::Seconds;
 use mapfile::{Header, MapFile, Section};
@@ -19,7 +20,10 @@ use crate::render::{AdaptiveLayers, Rendered};
 use crate::{Args, output};
 
 const KIND: &str = "finished layers";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+
+/// Rows of subpixels that are a section: a tile reads and verifies those that it shows.
+const BAND: usize = 64;
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Metadata {
@@ -42,16 +46,22 @@ pub(crate) fn save(
     layers: &AdaptiveLayers,
     inputs: &Inventory,
 ) -> anyhow::Result<()> {
+    let size = rendered.values.direct.size();
     let numbers = |reasons: &Vec<Reason>| reasons.iter().map(|&r| r as u8).collect::<Vec<u8>>();
     let reasons = Components::from_fn(|component| numbers(&layers.reasons[component]));
-    let names = Component::ALL.map(names);
+    let bands: Vec<_> = bands(size)
+        .flat_map(|(band, rows)| {
+            let pixels = rows.start * size.width as usize..rows.end * size.width as usize;
+            Component::ALL.map(|component| (component, names(component, band), pixels.clone()))
+        })
+        .collect();
     let mut sections = Vec::new();
-    for (component, [values, reason, level]) in Component::ALL.into_iter().zip(&names) {
-        sections.push(Section::new(values, rendered.values[component].values()));
-        sections.push(Section::new(reason, &reasons[component]));
-        sections.push(Section::new(level, &layers.levels[component]));
+    for (component, [values, reason, level], pixels) in &bands {
+        let part = || pixels.clone();
+        sections.push(Section::new(values, &rendered.values[*component].values()[part()]));
+        sections.push(Section::new(reason, &reasons[*component][part()]));
+        sections.push(Section::new(level, &layers.levels[*component][part()]));
     }
-    let size = rendered.values.direct.size();
     let header = Header {
         kind: KIND.into(),
         version: VERSION,
@@ -83,7 +93,7 @@ pub(crate) fn open(
     frame: &Frame<'_>,
     inputs: &Inventory,
 ) -> anyhow::Result<Rendered> {
-    let (file, metadata) = MapFile::open::<Metadata>(path, KIND, VERSION)?;
+    let (file, metadata) = MapFile::open_in_part::<Metadata>(path, KIND, VERSION)?;
     file.check_inputs(&metadata.inventory, inputs)?;
     let (there, asked) = (&metadata.picture, output::command(args));
     if *there != asked {
@@ -97,26 +107,39 @@ pub(crate) fn open(
     if metadata.size != window.whole {
         bail!(file.corrupt("it is of another size than it says"));
     }
-    let mut values = Components::from_fn(|_| Grid::from_fn(window.size, |_| Rgb::BLACK));
+    let [x, end_x, y, end_y] = window.bounds().map(|side| side as usize);
+    let mut values: Components<Vec<Rgb>> = Components::from_fn(|_| Vec::new());
     let mut reasons: Components<Vec<Reason>> = Components::from_fn(|_| Vec::new());
     let mut levels: Components<Vec<u8>> = Components::from_fn(|_| Vec::new());
-    for component in Component::ALL {
-        let [of_values, of_reasons, of_levels] = names(component);
+    let crossing = bands(window.whole).filter(|(_, rows)| rows.start < end_y && y < rows.end);
+    for ((band, rows), component) in
+        crossing.flat_map(|band| Component::ALL.map(|component| (band.clone(), component)))
+    {
+        let [of_values, of_reasons, of_levels] = names(component, band);
         let (v, r, l) = (
             file.array::<Rgb>(&of_values)?,
             file.array::<u8>(&of_reasons)?,
             file.array::<u8>(&of_levels)?,
         );
-        if [v.len(), r.len(), l.len()] != [window.whole.n_pixels(); 3] {
+        let width = window.whole.width as usize;
+        if [v.len(), r.len(), l.len()] != [rows.len() * width; 3] {
             bail!(file.corrupt(format!("{component} light hasn't a value for each pixel")));
         }
-        let found: Option<Vec<Reason>> = cut(&r, window).into_iter().map(reason).collect();
-        let Some(found) = found else {
-            bail!(file.corrupt(format!("{component} light was computed for no known reason")));
-        };
-        values[component] = Grid::from_values(window.size, cut(&v, window));
-        (reasons[component], levels[component]) = (found, cut(&l, window));
+        for row in rows.start.max(y)..rows.end.min(end_y) {
+            let start = (row - rows.start) * width;
+            let part = start + x..start + end_x;
+            values[component].extend_from_slice(&v[part.clone()]);
+            let found: Option<Vec<Reason>> = r[part.clone()].iter().map(|&r| reason(r)).collect();
+            let Some(found) = found else {
+                bail!(file.corrupt(format!("{component} light was computed for no known reason")));
+            };
+            reasons[component].extend(found);
+            levels[component].extend_from_slice(&l[part]);
+        }
     }
+    let values = Components::from_fn(|component| {
+        Grid::from_values(window.size, std::mem::take(&mut values[component]))
+    });
     let origins = origins(frame, &reasons);
     let adaptive = Some(AdaptiveLayers { reasons, levels, error: metadata.error });
     Ok(Rendered {
@@ -130,19 +153,15 @@ pub(crate) fn open(
     })
 }
 
-/// The names of the arrays of a component: values, reasons, levels.
-fn names(component: Component) -> [String; 3] {
-    ["values", "reasons", "levels"].map(|array| format!("{component}.{array}"))
+/// The bands of a picture of this size, by number, and the rows of each.
+fn bands(size: ImageSize) -> impl Iterator<Item = (usize, Range<usize>)> {
+    let height = size.height as usize;
+    (0..height).step_by(BAND).map(move |y| y..height.min(y + BAND)).enumerate()
 }
 
-/// What lies in a window.
-fn cut<T: Copy>(whole: &[T], window: Window) -> Vec<T> {
-    let ImageSize { width, height } = window.size;
-    let row = |y: u32| {
-        let start = window.whole.index(window.in_whole(Pixel { x: 0, y }));
-        &whole[start..start + width as usize]
-    };
-    (0..height).flat_map(row).copied().collect()
+/// The names of the sections of a component in a band: values, reasons, levels.
+fn names(component: Component, band: usize) -> [String; 3] {
+    ["values", "reasons", "levels"].map(|array| format!("{component}.{array}.{band}"))
 }
 
 /// The reason of this number.

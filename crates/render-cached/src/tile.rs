@@ -75,37 +75,32 @@ fn part(args: &Args, resolution: ImageSize) -> anyhow::Result<Window> {
     }
 }
 
-/// Tile `number` of `of`: the picture is halved again and again, across its longer side, until there are as many tiles.
-/// Borders lie at multiples of 64 pixels, where mode paper has borders of its own. Nothing if there are more tiles than
-/// blocks of that size.
+/// Tile `number` of `of`: a band of whole rows, whose blocks an assembled picture can take over as they are. Only if there
+/// are more tiles than rows of blocks, bands of one row are cut into columns. Borders lie at multiples of 64 pixels, where
+/// mode paper has borders of its own. Nothing if there are more tiles than blocks of that size.
 pub(crate) fn tile(whole: ImageSize, share: Share) -> Option<Window> {
     let blocks = |extent: u32| u64::from(extent.div_ceil(TILE));
-    // Columns and rows of blocks, and the tiles they are shared among.
-    let (mut x, mut y) = (0..blocks(whole.width), 0..blocks(whole.height));
-    let (mut number, mut of) = (u64::from(share.number() - 1), u64::from(share.of()));
-    if of > blocks(whole.width) * blocks(whole.height) {
+    let (columns, rows) = (blocks(whole.width), blocks(whole.height));
+    let (number, of) = (u64::from(share.number() - 1), u64::from(share.of()));
+    if of > columns * rows {
         return None;
     }
-    while of > 1 {
-        let (columns, rows) = (x.end - x.start, y.end - y.start);
-        let (long, across) = if columns >= rows { (columns, rows) } else { (rows, columns) };
-        let low = long / 2;
-        // As many tiles as belong to the lower half, but no more than blocks in either.
-        let fewest = of.saturating_sub((long - low) * across).max(1);
-        let n_low = (of * low / long).clamp(fewest, (low * across).min(of - 1));
-        let is_low = number < n_low;
-        let side = if columns >= rows { &mut x } else { &mut y };
-        let middle = side.start + low;
-        if is_low {
-            (side.end, of) = (middle, n_low);
-        } else {
-            (side.start, of, number) = (middle, of - n_low, number - n_low);
-        }
-    }
-    let end = |block: u64, extent: u32| ((block * u64::from(TILE)) as u32).min(extent);
-    let corner = Pixel { x: end(x.start, whole.width), y: end(y.start, whole.height) };
-    let (end_x, end_y) = (end(x.end, whole.width), end(y.end, whole.height));
-    Window::new([corner.x, end_x, corner.y, end_y], whole)
+    // Where part `i` of `n` begins, if `extent` is shared out.
+    let start = |extent: u64, i: u64, n: u64| extent * i / n;
+    let (x, y) = if of <= rows {
+        (0..columns, start(rows, number, of)..start(rows, number + 1, of))
+    } else {
+        // Tiles are shared out to rows, and columns to the tiles of a row. `row` is the last that begins with this tile
+        // or before.
+        let row = ((number + 1) * rows - 1) / of;
+        let (first, end) = (start(of, row, rows), start(of, row + 1, rows));
+        let (i, n) = (number - first, end - first);
+        (start(columns, i, n)..start(columns, i + 1, n), row..row + 1)
+    };
+    let pixel = |block: u64, extent: u32| ((block * u64::from(TILE)) as u32).min(extent);
+    let [x, end_x] = [x.start, x.end].map(|block| pixel(block, whole.width));
+    let [y, end_y] = [y.start, y.end].map(|block| pixel(block, whole.height));
+    Window::new([x, end_x, y, end_y], whole)
 }
 
 #[cfg(test)]
@@ -143,9 +138,11 @@ mod tests {
         let whole = ImageSize { width: 1024, height: 1024 };
         let sizes =
             |of| (1..=of).map(move |i| tile(whole, Share::new(i, of).unwrap()).unwrap().size);
-        assert!(sizes(16).all(|size| size == ImageSize { width: 256, height: 256 }));
-        assert!(sizes(8).all(|size| size.n_pixels() == 512 * 256));
+        assert!(sizes(16).all(|size| size == ImageSize { width: 1024, height: 64 }));
+        assert!(sizes(64).all(|size| size == ImageSize { width: 256, height: 64 }));
         let of_7: Vec<_> = sizes(7).map(ImageSize::n_pixels).collect();
-        assert!(of_7.iter().all(|&n| (100_000..300_000).contains(&n)), "{of_7:?}");
+        assert!(of_7.iter().all(|&n| (100_000..200_000).contains(&n)), "{of_7:?}");
+        let of_20: Vec<_> = sizes(20).map(ImageSize::n_pixels).collect();
+        assert!(of_20.iter().all(|&n| (32_768..=65_536).contains(&n)), "{of_20:?}");
     }
 }
