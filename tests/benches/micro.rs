@@ -1,19 +1,22 @@
 //! Rates of the stages that work on speed is judged by, each on one thread: rays, photons, queries and pixels a second.
 //!
 //! `cargo xtask bench micro [FILTER]` runs them and reads what criterion keeps: the name of a group ends with what is
-//! counted, in brackets, and what kiddo does has its name after a comma. Scenes and photons are made when the first
-//! benchmark asks for them.
+//! counted, in brackets, and what another library does has its name after a comma. Scenes and photons are made when the
+//! first benchmark asks for them.
 
 mod fields;
+mod outside;
 mod peer;
 
+use std::cell::LazyCell;
 use std::hint::black_box;
+use std::iter;
 use std::path::Path;
 use std::sync::LazyLock;
 use std::time::Duration;
 
 use atomic_file::Existing;
-use base::{Component, Grid, Rgb};
+use base::{Component, Grid, Photon, Ray, Rgb};
 use cache_map::{
     CacheMap, Lattice, Layer, Origin, Rule, SurfacePoint, Thresholds, Tolerance, choose_pixels,
     refine,
@@ -26,6 +29,7 @@ use photon_trace::{Budget, Config, trace};
 use scene::Scene;
 
 use crate::fields::{Field, N_GATHERS, N_RAYS, Order, Point, SIDE, occlusion_rays, rays, scene};
+use crate::outside::Program;
 
 static RABBIT: LazyLock<Scene> = LazyLock::new(|| scene("rabbit"));
 static BOX: LazyLock<Scene> = LazyLock::new(|| scene("cornell-box"));
@@ -67,7 +71,45 @@ fn group<'a>(
 /// Rays through the rabbit: some 70,000 triangles of glass in a box.
 fn bvh(criterion: &mut Criterion) {
     let mut group = group(criterion, "BVH", "rays", N_RAYS);
-    for order in Order::ALL {
+    let mut embree = LazyCell::new(|| {
+        let corners = RABBIT.accel.triangles().flatten().flat_map(|corner| corner.to_array());
+        let ray = |r: &Ray| -> [f32; 7] {
+            let ([x, y, z], [u, v, w]) = (r.origin().to_array(), r.dir().to_array());
+            [x, y, z, u, v, w, r.t_max()]
+        };
+        let set = |rays: Vec<Ray>| rays.iter().flat_map(ray).collect();
+        let sets = Order::ALL
+            .map(|order| [set(rays(&RABBIT, order)), set(occlusion_rays(&RABBIT, order))]);
+        let arrays: Vec<Vec<f32>> =
+            iter::once(corners.collect()).chain(sets.into_iter().flatten()).collect();
+        Program::start("embree", &arrays)
+    });
+    for (i, order) in Order::ALL.into_iter().enumerate() {
+        for (kind, name) in ["closest hit", "occlusion"].into_iter().enumerate() {
+            let Some(embree) = &mut *embree else { continue };
+            let id = BenchmarkId::new(format!("{name}, embree"), order.name());
+            group.bench_function(id, |b| {
+                let word = ["closest", "occluded"][kind];
+                let hits = match kind {
+                    0 => rays(&RABBIT, order)
+                        .iter()
+                        .filter(|r| RABBIT.accel.closest_hit(r).is_some())
+                        .count(),
+                    _ => occlusion_rays(&RABBIT, order)
+                        .iter()
+                        .filter(|r| RABBIT.accel.occluded(r))
+                        .count(),
+                };
+                b.iter_custom(|n| {
+                    let (found, time) = embree.ask(&format!("{word} {} {n}", 2 * i + kind));
+                    assert!(
+                        (found - hits as f64).abs() < 0.001 * N_RAYS as f64,
+                        "{found} and {hits} hits"
+                    );
+                    time
+                });
+            });
+        }
         group.bench_function(BenchmarkId::new("closest hit", order.name()), |b| {
             let rays = rays(&RABBIT, order);
             let accel: &Accel = &RABBIT.accel;
@@ -167,7 +209,55 @@ fn gathers(criterion: &mut Criterion) {
                 b.iter(|| points.iter().map(|p| peer.within(p.position, radius)).sum::<Rgb>());
             });
         }
+        drop(group);
+        gathers_outside(criterion, &name, field);
     }
+}
+
+/// The same gathers by nanoflann.
+fn gathers_outside(criterion: &mut Criterion, name: &str, field: &Field) {
+    let mut group = group(criterion, name, "queries", N_GATHERS);
+    let places = |order| -> Vec<f32> {
+        field.points(order).iter().flat_map(|p| p.position.to_array()).collect()
+    };
+    let photon = |p: &Photon| -> [f32; 6] {
+        let ([x, y, z], flux) = (p.position.to_array(), p.flux);
+        [x, y, z, flux.r, flux.g, flux.b]
+    };
+    let photons = field.photons.iter().flat_map(photon).collect();
+    let [coherent, random] = Order::ALL.map(places);
+    let Some(mut nanoflann) = Program::start("nanoflann", &[photons, coherent, random]) else {
+        return;
+    };
+    let about = |sum: f64, expected: f64| (sum / expected - 1.0).abs() < 0.01;
+    for (set, order) in Order::ALL.into_iter().enumerate() {
+        let id = BenchmarkId::new(format!("{K} nearest, nanoflann"), order.name());
+        group.bench_function(id, |b| {
+            let (points, peer) = (field.points(order), field.peer());
+            let near = |p: &Point| peer.nearest(p.position, K, field.max_radius);
+            let expected = total(points.iter().map(near).sum());
+            b.iter_custom(|n| {
+                let question = format!("nearest {set} {n} {K} {}", field.max_radius);
+                let (sum, time) = nanoflann.ask(&question);
+                assert!(about(sum, expected), "{sum}, and kiddo {expected}");
+                time
+            });
+        });
+        let id = BenchmarkId::new("within a radius, nanoflann", order.name());
+        group.bench_function(id, |b| {
+            let (points, peer, radius) = (field.points(order), field.peer(), field.radius());
+            let expected = total(points.iter().map(|p| peer.within(p.position, radius)).sum());
+            b.iter_custom(|n| {
+                let (sum, time) = nanoflann.ask(&format!("within {set} {n} {radius}"));
+                assert!(about(sum, expected), "{sum}, and kiddo {expected}");
+                time
+            });
+        });
+    }
+}
+
+fn total(flux: Rgb) -> f64 {
+    f64::from(flux.r) + f64::from(flux.g) + f64::from(flux.b)
 }
 
 /// Pixels a second, of one component: the paper's search among candidates, and the refinement of mode `adaptive`.

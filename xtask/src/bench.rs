@@ -9,6 +9,7 @@ mod measure;
 mod micro;
 mod outside;
 mod paper;
+mod peers;
 pub(crate) mod plan;
 mod rates;
 mod raw;

@@ -300,6 +300,12 @@ impl Accel {
         self.bounds
     }
 
+    /// The corners of all triangles, in no order that means anything.
+    pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        let is_triangle = |p: &&Primitive| matches!(p.shape(), Shape::Triangle { .. });
+        self.primitives.iter().filter(is_triangle).map(Primitive::corners)
+    }
+
     /// Triangles and spheres.
     pub fn n_primitives(&self) -> usize {
         self.primitives.len()

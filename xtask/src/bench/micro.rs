@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::bench::environment::Environment;
 use crate::bench::rates::{self, Rate};
 use crate::bench::spread::Spread;
-use crate::bench::{command_line, outside, record};
+use crate::bench::{command_line, outside, peers, record};
 use crate::programs::root;
 
 /// The files of a recorded run.
@@ -60,12 +60,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .with_context(|| format!("cannot remove {}", folder.display()))?;
     }
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let peers = peers::compile()?;
     let mut yardsticks: Vec<f64> = (0..3).map(|_| outside::yardstick()).collect();
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let status = Command::new(cargo)
         .args(["bench", "--package", "pipeline-tests", "--bench", "micro", "--", "--quiet"])
         .args(&args.filter)
         .env("CRITERION_HOME", &folder)
+        .env("TETRALUX_PEERS", &peers)
         .current_dir(root())
         .status()
         .context("cannot run cargo")?;

@@ -18,8 +18,8 @@ pub(crate) struct Rate {
     pub(crate) stage: String,
     /// The case, such as the order of queries.
     pub(crate) case: String,
-    /// Whether kiddo did it.
-    pub(crate) is_peer: bool,
+    /// The library that did it, if it wasn't ours.
+    pub(crate) peer: Option<String>,
     /// What is counted.
     pub(crate) counted: String,
     /// How many of these an iteration does.
@@ -27,6 +27,25 @@ pub(crate) struct Rate {
     /// Seconds of an iteration.
     pub(crate) seconds: Spread,
 }
+
+/// A library that does the same.
+pub(crate) struct Peer {
+    pub(crate) name: &'static str,
+    what: &'static str,
+}
+
+/// All libraries that are measured beside ours.
+const PEERS: [Peer; 3] = [
+    Peer {
+        name: "embree",
+        what: "traces rays one at a time, its scene robust, its build of high quality",
+    },
+    Peer {
+        name: "kiddo",
+        what: "is a kd-tree; it finds photons by place alone, ours tells surfaces apart, too",
+    },
+    Peer { name: "nanoflann", what: "is a kd-tree, used as kiddo is" },
+];
 
 /// What criterion calls a benchmark.
 #[derive(Deserialize)]
@@ -75,7 +94,7 @@ pub(crate) fn read(folder: &Path) -> anyhow::Result<Vec<Rate>> {
         rates.push(rate(&folder)?);
     }
     ensure!(!rates.is_empty(), "no benchmark was run; is there one of that name?");
-    rates.sort_by(|a, b| (&a.stage, &a.case, a.is_peer).cmp(&(&b.stage, &b.case, b.is_peer)));
+    rates.sort_by(|a, b| (&a.stage, &a.case, &a.peer).cmp(&(&b.stage, &b.case, &b.peer)));
     Ok(rates)
 }
 
@@ -104,40 +123,46 @@ fn rate(folder: &Path) -> anyhow::Result<Rate> {
     let (stage, counted) =
         group_id.strip_suffix(')').and_then(|id| id.rsplit_once(" (")).with_context(faulty)?;
     let function = function_id.with_context(faulty)?;
-    let ours = function.strip_suffix(", kiddo");
-    let function_name = ours.unwrap_or(&function);
-    let case = value_str
-        .map_or_else(|| function_name.to_owned(), |value| format!("{function_name}, {value}"));
+    let peer = PEERS.into_iter().find(|peer| function.ends_with(&format!(", {}", peer.name)));
+    let function = match peer {
+        Some(ref peer) => &function[..function.len() - peer.name.len() - 2],
+        None => &function,
+    };
+    let case =
+        value_str.map_or_else(|| function.to_owned(), |value| format!("{function}, {value}"));
     Ok(Rate {
         stage: stage.into(),
         case,
-        is_peer: ours.is_some(),
+        peer: peer.map(|peer| peer.name.into()),
         counted: counted.into(),
         elements: throughput.with_context(faulty)?.elements,
         seconds: Spread::of(sample.times.iter().zip(&sample.iters).map(|(t, n)| t / n * 1e-9)),
     })
 }
 
-/// All rates, those of kiddo beside ours.
+/// All rates, those of others beside ours.
 pub(crate) fn table(rates: &[Rate]) -> Table {
-    let header = ["", "in a second", "spread", "kiddo", "ours as a multiple"];
+    let header = ["", "in a second", "spread", "others", "ours, of the fastest other"];
     let mut table = Table::new("Rates of single stages, on one thread: medians", header);
-    for rate in rates.iter().filter(|rate| !rate.is_peer) {
+    for rate in rates.iter().filter(|rate| rate.peer.is_none()) {
         let ours = rate.per_second();
-        let peer = rates.iter().find(|r| r.is_peer && r.is_of_the_same(rate));
-        let peer = peer.map(Rate::per_second);
+        let others = rates.iter().filter(|r| r.is_of_the_same(rate));
+        let others: Vec<(&str, f64)> =
+            others.filter_map(|r| Some((r.peer.as_deref()?, r.per_second()))).collect();
+        let fastest = others.iter().map(|(_, rate)| *rate).reduce(f64::max);
+        let each = |(name, rate): &(&str, f64)| format!("{name} {}", short(*rate));
         let cells = [
             format!("{} {}", short(ours), rate.counted),
             format!("\u{b1}{}", percent(rate.seconds.relative(), 1)),
-            peer.map_or_else(String::new, short),
-            peer.map_or_else(String::new, |peer| format!("{:.2}", ours / peer)),
+            others.iter().map(each).collect::<Vec<_>>().join(", "),
+            fastest.map_or_else(String::new, |fastest| format!("{:.2}", ours / fastest)),
         ];
         table.push(rate.name(), cells);
     }
-    if rates.iter().any(|rate| rate.is_peer) {
-        table.notes.push(
-            "kiddo is another kd-tree. It finds photons by place alone; ours tells surfaces apart, too.".into(),
-        );
+    for Peer { name, what } in PEERS {
+        if rates.iter().any(|rate| rate.peer.as_deref() == Some(name)) {
+            table.notes.push(format!("{name} {what}."));
+        }
     }
     table
 }
@@ -149,10 +174,10 @@ pub(crate) fn changes(
     (then, old_yardstick): (&[Rate], &Spread),
 ) -> Vec<String> {
     let change = |rate: &Rate| {
-        let old = then.iter().find(|r| r.is_peer == rate.is_peer && r.is_of_the_same(rate))?;
+        let old = then.iter().find(|r| r.peer == rate.peer && r.is_of_the_same(rate))?;
         let each = |rate: &Rate| rate.seconds.scaled(1.0 / rate.elements as f64);
         let change = against::change(each(rate).over(yardstick), each(old).over(old_yardstick))?;
-        let peer = if rate.is_peer { ", kiddo" } else { "" };
+        let peer = rate.peer.as_ref().map_or_else(String::new, |peer| format!(", {peer}"));
         Some(format!("{}: {}{peer}, {change}", change.word(), rate.name()))
     };
     let mut changes: Vec<String> = now.iter().filter_map(change).collect();
@@ -202,18 +227,25 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), "gather (queries)", "500 nearest", Some("random"), 0.01);
         write(folder.path(), "gather (queries)", "500 nearest, kiddo", Some("random"), 0.04);
+        write(folder.path(), "gather (queries)", "500 nearest, nanoflann", Some("random"), 0.02);
         write(folder.path(), "BVH (rays)", "occlusion", None, 0.000_5);
         read(folder.path()).unwrap()
     }
 
     #[test]
-    fn rates_stand_beside_those_of_kiddo() {
+    fn rates_stand_beside_those_of_others() {
         let table = table(&rates());
         assert_eq!(
             table.rows,
             [
                 ["BVH, occlusion", "2.00 M rays", "±10.0 %", "", ""],
-                ["gather, 500 nearest, random", "100 K queries", "±10.0 %", "25.0 K", "4.00"],
+                [
+                    "gather, 500 nearest, random",
+                    "100 K queries",
+                    "±10.0 %",
+                    "kiddo 25.0 K, nanoflann 50.0 K",
+                    "2.00"
+                ],
             ]
         );
     }
@@ -232,7 +264,7 @@ mod tests {
         // On a machine of half the speed all are faster.
         let faster = changes((&now, &two), (&then, &yard));
         assert!(
-            faster.len() == 3 && faster.iter().all(|c| c.starts_with("faster: ")),
+            faster.len() == 4 && faster.iter().all(|c| c.starts_with("faster: ")),
             "{faster:?}"
         );
         // One whose speed nobody knows tells nothing.
