@@ -81,13 +81,8 @@ impl Camera {
         self.lens.is_none()
     }
 
-    /// The same camera, with the size that its pictures are meant to have.
-    pub fn with_film(self, film: ImageSize) -> Self {
-        Self { film: Some(film), ..self }
-    }
-
-    /// The same camera, whose pictures show that part of its film; the field of view is that of the whole film. `corner` is
-    /// the upper left one of the part, which lies within the film.
+    /// The same camera, whose pictures are meant to show that part of a film of that size; the field of view is that of the
+    /// whole film. `corner` is the upper left one of the part, which lies within the film.
     pub fn with_crop(self, film: ImageSize, corner: [u32; 2], part: ImageSize) -> Self {
         let whole = Vec2::new(film.width as f32, film.height as f32);
         let crop = Crop {

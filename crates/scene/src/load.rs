@@ -66,13 +66,15 @@ impl Options {
 /// XML of versions 0.5 to 3, both ways of writing names (`toWorld`, `to_world`), `<default>` and `$name`, references,
 /// aliases, includes.
 ///
-/// - shapes: `rectangle`, `disk`, `cube`, `sphere`, `cylinder` (circles are polygons of 128 sides), `obj`, `ply`;
+/// - shapes: `rectangle`, `disk`, `cube`, `sphere`, `cylinder` (circles are polygons of 128 sides), `obj`, `ply`, `serialized`
+///   (versions 3 and 4, with `shape_index`); `shapegroup` and `instance`, which are copies, of 2^24 triangles at most;
 ///   `to_world` of `translate`, `rotate`, `scale`, `lookat`, `matrix`; `flip_normals`, `face_normals`, `flip_tex_coords`
 /// - bsdfs: `diffuse`, `dielectric`, `thindielectric`, `conductor` (by `eta` and `k`, or one of Ag, Al, Au, Cr, Cu, none),
 ///   `roughdielectric` and `roughconductor` of GGX, `twosided`; every surface has two equal sides
 /// - textures: `bitmap`, `checkerboard`
 /// - emitters: `area` (of one color or textured), `point`, `spot`, `directional`, `constant`, `envmap`
-/// - sensor: `perspective` and `thinlens` with every `fov_axis` or `focal_length`; the size of the film is the default of `--resolution`
+/// - sensor: `perspective` and `thinlens` with every `fov_axis` or `focal_length`; the size of the film, or of
+///   its crop (`crop_offset_x`, `crop_width` ...), is the default of `--resolution`
 /// - colors: `rgb`, `srgb`, hexadecimal, `spectrum` of one value, of pairs of wavelength and value or of a file of such pairs,
 ///   `blackbody` (in W/(m^2 sr nm))
 ///
