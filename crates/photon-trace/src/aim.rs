@@ -39,7 +39,7 @@ impl Aim {
             let start = batch * BATCH;
             let rays = start..(start + BATCH).min(n_cells * RAYS_A_CELL);
             let starts = rays.map(|i| points.point::<4>(i));
-            starts.filter(|u| meets_specular(scene, light, *u)).collect::<Vec<_>>()
+            starts.filter(|u| meets_specular(scene, light, *u, seed)).collect::<Vec<_>>()
         });
         let found: Vec<Vec<[f32; 4]>> = found.collect();
         let mut cells = Vec::new();
@@ -117,11 +117,10 @@ fn number(sides: [u32; 4], parts: [u32; 4]) -> u32 {
     sides.into_iter().zip(parts).rev().fold(0, |number, (side, part)| number * side + part)
 }
 
-fn meets_specular(scene: &Scene, light: &Light, u: [f32; 4]) -> bool {
+fn meets_specular(scene: &Scene, light: &Light, u: [f32; 4], seed: u64) -> bool {
     let start = light.emit(&scene.bounds(), u);
     let ray = Ray::unbounded(start.origin, start.dir);
-    let Some(hit) = scene.accel.closest_hit(&ray) else { return false };
-    scene.material(&scene.accel.surface(&ray, &hit)).is_specular()
+    scene.arrive(&ray, seed).is_some_and(|(surface, _)| scene.material(&surface).is_specular())
 }
 
 #[cfg(test)]

@@ -285,12 +285,11 @@ impl<'a> Emitter<'a> {
         }
         for _ in 0..self.config.max_bounces {
             out.account.rays += 1;
-            let Some(hit) = self.scene.accel.closest_hit(&ray) else {
+            let Some((surface, distance)) = self.scene.arrive(&ray, self.seed) else {
                 out.account.escaped += 1;
                 out.account.energy.escaped += watts(flux);
                 return;
             };
-            let surface = self.scene.accel.surface(&ray, &hit);
             let material = self.scene.material(&surface);
             let w_o = -ray.dir();
 
@@ -298,7 +297,7 @@ impl<'a> Emitter<'a> {
             let inside = w_o.dot(surface.geometric_normal) < 0.0;
             let through = if inside && material.is_glass() { Some(material) } else { medium };
             if let Some(glass) = through {
-                let Some(rest) = survive(flux, glass.transmittance(hit.t), roulette.next_f32())
+                let Some(rest) = survive(flux, glass.transmittance(distance), roulette.next_f32())
                 else {
                     out.account.absorbed += 1;
                     out.account.energy.absorbed += watts(flux);
@@ -309,7 +308,7 @@ impl<'a> Emitter<'a> {
 
             // Store where the surface scatters diffusely.
             let facing = surface.facing(w_o);
-            let gain = facing.shading_gain(w_o);
+            let gain = facing.shading_gain(w_o) * material.passage(facing.shading_normal.dot(w_o));
             if material.is_diffuse() {
                 let photon = Photon {
                     position: surface.position.into(),
@@ -341,7 +340,17 @@ impl<'a> Emitter<'a> {
             }
             let weight_of =
                 |bounce: &Option<SpecularBounce>| bounce.map_or(Rgb::BLACK, |b| b.weight);
-            let diffuse = self.scene.albedo(&surface) * gain;
+            // Around the true normal: it tells how much of the surface is seen from a direction.
+            let scatter_diffusely = |scatter: &mut Rng| {
+                let local =
+                    warp::cosine_hemisphere(Vec2::new(scatter.next_f32(), scatter.next_f32()));
+                Frame::new(facing.geometric_normal).to_world(local).normalize()
+            };
+            // Through a coat it weighs, too, where light goes on.
+            let coated = material.is_coated().then(|| scatter_diffusely(&mut scatter));
+            let leaving =
+                coated.map_or(1.0, |dir| material.passage(facing.shading_normal.dot(dir)));
+            let diffuse = self.scene.albedo(&surface) * (gain * leaving);
             let share = |weight: Rgb| (flux * weight).mean() / flux.mean();
             let sum = share(diffuse) + bounces.iter().map(|b| share(weight_of(b))).sum::<f32>();
             let scale = sum.max(1.0);
@@ -357,10 +366,7 @@ impl<'a> Emitter<'a> {
                     out.account.absorbed += 1;
                     return;
                 }
-                // Around the true normal: it tells how much of the surface is seen from a direction.
-                let local =
-                    warp::cosine_hemisphere(Vec2::new(scatter.next_f32(), scatter.next_f32()));
-                let dir = Frame::new(facing.geometric_normal).to_world(local).normalize();
+                let dir = coated.unwrap_or_else(|| scatter_diffusely(&mut scatter));
                 if dir.dot(facing.geometric_normal) <= 0.0 {
                     out.account.absorbed += 1;
                     out.account.energy.absorbed += watts(flux);

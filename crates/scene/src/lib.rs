@@ -8,6 +8,7 @@
 mod area_light;
 mod bright_cells;
 mod camera;
+mod coat;
 mod environment_map;
 mod error;
 mod fresnel;
@@ -27,6 +28,7 @@ mod world;
 
 pub use area_light::AreaLight;
 pub use camera::{Camera, FovAxis};
+pub use coat::Coat;
 pub use environment_map::EnvironmentMap;
 pub use error::Error;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};

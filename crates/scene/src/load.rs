@@ -70,7 +70,8 @@ impl Options {
 ///   (versions 3 and 4, with `shape_index`); `shapegroup` and `instance`, which are copies, of 2^24 triangles at most;
 ///   `to_world` of `translate`, `rotate`, `scale`, `lookat`, `matrix`; `flip_normals`, `face_normals`, `flip_tex_coords`
 /// - bsdfs: `diffuse`, `dielectric`, `thindielectric`, `conductor` (by `eta` and `k`, or one of Ag, Al, Au, Cr, Cu, none),
-///   `roughdielectric` and `roughconductor` of GGX, `twosided`; every surface has two equal sides
+///   `roughdielectric` and `roughconductor` of GGX, `plastic`, `roughplastic` of GGX, `mask`, `twosided`; every surface has
+///   two equal sides; `bumpmap` and `normalmap` bring a warning, and their surfaces stay smooth
 /// - textures: `bitmap`, `checkerboard`
 /// - emitters: `area` (of one color or textured), `point`, `spot`, `directional`, `constant`, `envmap`
 /// - sensor: `perspective` and `thinlens` with every `fov_axis` or `focal_length`; the size of the film, or of
@@ -199,8 +200,9 @@ impl Options {
 ///
 /// OBJ: polygons of any shape, normals if all corners of an object have them. Of MTL, `illum` 0, 1 and 2 are diffuse
 /// (`Kd`), 3, 5 and 8 mirrors (`Ks`) with a diffuse part (`Kd`), 4, 6, 7 and 9 glass (`Ni`); `Ke` is emission. Ambient
-/// light (`Ka`) means nothing to a renderer of global illumination; highlights, transparency by `d`, and textures other than
-/// `map_Kd` bring warnings. What `map_Kd` is multiplied with is `Kd`, or 1 if there is none; texture coordinates are
+/// light (`Ka`) means nothing to a renderer of global illumination; highlights and textures other than
+/// `map_Kd` and `map_d` bring warnings. `d` (or `Tr`), times the values of `map_d` as they are, is the part of a surface that is
+/// there, but of glass and lamps; light passes the rest. What `map_Kd` is multiplied with is `Kd`, or 1 if there is none; texture coordinates are
 /// multiplied by its `-s` and moved by its `-o`, and `-clamp on` holds them in the unit square. `Pr` is the roughness of mirrors and
 /// glass. Such materials are named `MESH/NAME`.
 ///

@@ -4,7 +4,7 @@ use base::{Rgb, math};
 use geometry::{MAX_SHADING_GAIN, Surface};
 use glam::Vec3A;
 
-use crate::{TextureId, fresnel_conductor, fresnel_dielectric};
+use crate::{Coat, TextureId, fresnel_conductor, fresnel_dielectric};
 
 /// A material. Diffuse and specular parts add up; the reader of scenes sees to it that they don't create energy.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,7 +12,7 @@ pub struct Material {
     /// The name in the scene file.
     pub name: String,
     /// Diffuse albedo, `pi f_d` of Eq. (6), in [0, 1], or what its texture is multiplied with; the same on both sides. See
-    /// [`crate::Scene::albedo`] for that of a point.
+    /// [`crate::Scene::albedo`] for that of a point. Under a coat it is that of the base alone.
     pub albedo: Rgb,
     /// What the diffuse albedo is multiplied with from place to place; its surfaces have texture coordinates.
     pub albedo_texture: Option<TextureId>,
@@ -26,6 +26,12 @@ pub struct Material {
     /// What the emission is multiplied with from place to place; its surfaces have texture coordinates. See
     /// [`crate::Scene::emitted`] for that of a point.
     pub emission_texture: Option<TextureId>,
+    /// The part of the surface that is there, in [0, 1], or what its texture is multiplied with; light passes the rest
+    /// straight on. See [`crate::Scene::opacity`] for that of a point.
+    pub opacity: f32,
+    /// What the opacity is multiplied with from place to place, in the mean of its channels; its surfaces have texture
+    /// coordinates.
+    pub opacity_texture: Option<TextureId>,
 }
 
 /// Scattering by interfaces, `f_s` of Eq. (6), perfectly sharp unless the material is rough. A new kind needs its arm in
@@ -60,6 +66,8 @@ pub enum Specular {
         /// Index of refraction of the glass relative to what is around it.
         ior: f32,
     },
+    /// A dielectric coat over the diffuse part, which is seen through it: plastic.
+    Coat(Coat),
 }
 
 /// What is carried along a path: radiance is squeezed when it enters a denser medium, flux isn't.
@@ -94,12 +102,38 @@ impl Material {
             roughness: 0.0,
             emission: Rgb::BLACK,
             emission_texture: None,
+            opacity: 1.0,
+            opacity_texture: None,
         }
     }
 
     /// Whether its surfaces need texture coordinates.
     pub fn is_textured(&self) -> bool {
-        self.albedo_texture.is_some() || self.emission_texture.is_some()
+        self.albedo_texture.is_some()
+            || self.emission_texture.is_some()
+            || self.opacity_texture.is_some()
+    }
+
+    /// Whether light may pass its surfaces as if they weren't there.
+    #[inline]
+    pub fn is_masked(&self) -> bool {
+        self.opacity < 1.0 || self.opacity_texture.is_some()
+    }
+
+    /// Whether the diffuse part lies under a coat.
+    #[inline]
+    pub fn is_coated(&self) -> bool {
+        matches!(self.specular, Specular::Coat(_))
+    }
+
+    /// How much of the light at a cosine to the shading normal gets to the diffuse part, or out from it, over the mean for
+    /// light from all sides; 1 without a coat.
+    #[inline]
+    pub fn passage(&self, cos: f32) -> f32 {
+        match &self.specular {
+            Specular::Coat(coat) => coat.passage(cos),
+            _ => 1.0,
+        }
     }
 
     /// Whether the specular part scatters anything.
@@ -158,6 +192,7 @@ impl Material {
             Specular::Metal { eta, k } => {
                 [Some(reflection(n, fresnel_conductor(n.dot(w_o), eta, k))), None]
             }
+            Specular::Coat(coat) => [Some(reflection(n, coat.reflected(n.dot(w_o)))), None],
             Specular::Glass { ior, .. } => {
                 let eta = if front { ior } else { 1.0 / ior };
                 let mut refracted = refract(w_o, n, eta);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use base::{Fingerprint, FingerprintBuilder, Inventory, Rgb};
+use base::{Fingerprint, FingerprintBuilder, Inventory, Ray, Rgb, hash_u64};
 use geometry::{Accel, Bounds, Creases, MaterialId, Mesh, Sphere, Surface};
 use glam::{Quat, Vec2, Vec3A};
 
@@ -41,6 +41,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// The view.
     pub camera: Camera,
+    /// Whether any material has an opacity.
+    is_masked: bool,
     /// For each area light the object and the material that it is.
     emitters: Vec<(u32, MaterialId)>,
     inventory: Inventory,
@@ -59,6 +61,7 @@ impl Scene {
         all_lights.extend(lights);
         let meshes: Vec<Mesh> = meshes.into_iter().map(|(_, mesh)| mesh).collect();
         let spheres: Vec<Sphere> = spheres.into_iter().map(|(_, sphere)| sphere).collect();
+        let is_masked = materials.iter().any(Material::is_masked);
         Self {
             accel: Accel::build(&meshes, &spheres),
             creases: Creases::find(&meshes, |id| materials[id.0 as usize].is_diffuse()),
@@ -66,6 +69,7 @@ impl Scene {
             textures,
             lights: all_lights,
             camera,
+            is_masked,
             emitters,
             inventory,
         }
@@ -77,13 +81,101 @@ impl Scene {
         &self.materials[surface.material.0 as usize]
     }
 
-    /// Diffuse albedo of a surface that the rays of this scene have found, in [0, 1].
+    /// The surface where a ray arrives, and after what distance.
+    ///
+    /// Surfaces of an opacity between 0 and 1 stop a ray or let it pass by chance; the bits of the ray, the place and the seed
+    /// decide, so that the same ray always arrives at the same surface.
+    #[inline]
+    pub fn arrive(&self, ray: &Ray, seed: u64) -> Option<(Surface, f32)> {
+        let hit = self.accel.closest_hit(ray)?;
+        let surface = self.accel.surface(ray, &hit);
+        if !self.is_masked || !self.material(&surface).is_masked() {
+            return Some((surface, hit.t));
+        }
+        self.arrive_by_chance(ray, seed, surface, hit.t)
+    }
+
+    fn arrive_by_chance(
+        &self,
+        ray: &Ray,
+        seed: u64,
+        mut surface: Surface,
+        mut distance: f32,
+    ) -> Option<(Surface, f32)> {
+        let bits = |v: Vec3A| v.to_array().map(|x| u64::from(x.to_bits()));
+        let bits = bits(ray.origin()).into_iter().chain(bits(ray.dir()));
+        let mut bits = bits.fold(seed, hash_u64);
+        loop {
+            let opacity = self.opacity(&surface);
+            bits = hash_u64(bits, u64::from(surface.primitive));
+            let chance = (bits >> 40) as f32 * (1.0 / 16_777_216.0);
+            if chance < opacity {
+                return Some((surface, distance));
+            }
+            let rest = beyond(ray, &surface, distance);
+            let hit = self.accel.closest_hit(&rest)?;
+            (surface, distance) = (self.accel.surface(&rest, &hit), distance + hit.t);
+        }
+    }
+
+    /// The part of light along a ray that nothing stops: 0 or 1, unless there are surfaces of an opacity between.
+    #[inline]
+    pub fn passing(&self, ray: &Ray) -> f32 {
+        if !self.accel.occluded(ray) {
+            1.0
+        } else if self.is_masked {
+            self.passing_masks(ray)
+        } else {
+            0.0
+        }
+    }
+
+    fn passing_masks(&self, ray: &Ray) -> f32 {
+        let (mut rest, mut distance, mut passing) = (*ray, 0.0, 1.0);
+        while let Some(hit) = self.accel.closest_hit(&rest) {
+            let surface = self.accel.surface(&rest, &hit);
+            passing *= 1.0 - self.opacity(&surface);
+            distance += hit.t;
+            if passing <= 0.0 {
+                return 0.0;
+            }
+            rest = beyond(ray, &surface, distance);
+        }
+        passing
+    }
+
+    /// The part of a surface that is there, in [0, 1].
+    pub fn opacity(&self, surface: &Surface) -> f32 {
+        let material = self.material(surface);
+        match material.opacity_texture {
+            None => material.opacity,
+            Some(id) => (material.opacity * self.texel(id, surface).mean()).clamp(0.0, 1.0),
+        }
+    }
+
+    /// Diffuse albedo of a surface that the rays of this scene have found, in [0, 1], for light from all sides towards all
+    /// sides. A coat included, whose angles [`Material::passage`] tells.
     #[inline]
     pub fn albedo(&self, surface: &Surface) -> Rgb {
         let material = self.material(surface);
-        match material.albedo_texture {
+        let albedo = match material.albedo_texture {
             None => material.albedo,
             Some(id) => material.albedo * self.texel(id, surface),
+        };
+        match &material.specular {
+            Specular::Coat(coat) => coat.albedo(albedo),
+            _ => albedo,
+        }
+    }
+
+    /// The same as seen from the unit direction `w_o`: radiance reflected, for an irradiance of pi.
+    #[inline]
+    pub fn albedo_from(&self, surface: &Surface, w_o: Vec3A) -> Rgb {
+        let albedo = self.albedo(surface);
+        let material = self.material(surface);
+        match material.is_coated() {
+            true => albedo * material.passage(surface.facing(w_o).shading_normal.dot(w_o)),
+            false => albedo,
         }
     }
 
@@ -128,6 +220,12 @@ impl Scene {
     pub fn view_fingerprint(&self) -> Fingerprint {
         self.camera.fingerprint()
     }
+}
+
+/// What is left of a ray behind a surface at a distance.
+fn beyond(ray: &Ray, surface: &Surface, distance: f32) -> Ray {
+    let rest = (ray.t_max() - distance).max(0.0);
+    Ray::new(surface.leave(ray.dir()), ray.dir(), rest)
 }
 
 /// One light for each mesh and each of its materials that emit, in this order.
@@ -234,7 +332,16 @@ fn material_digest(material: &Material) -> Fingerprint {
             digest.bytes(b"glass").pod(&[ior]).pod(&[absorption])
         }
         Specular::Pane { ior } => digest.bytes(b"pane").pod(&[ior]),
+        Specular::Coat(coat) => digest
+            .bytes(b"coat")
+            .pod(&[coat.ior()])
+            .pod(&[coat.reflectance()])
+            .pod(&[u8::from(coat.is_nonlinear())]),
     };
+    if material.is_masked() {
+        let texture = material.opacity_texture.map_or(u32::MAX, |id| u32::from(id.0));
+        digest.bytes(b"mask").pod(&[material.opacity]).pod(&[texture]);
+    }
     if material.is_rough() {
         digest.bytes(b"rough").pod(&[material.roughness]);
     }

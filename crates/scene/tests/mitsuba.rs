@@ -285,9 +285,10 @@ fn faults_are_named_with_their_place() {
         ("type=\"cube\"", "type=\"hair\"",
          "s.xml:35:3: shape \"hair\" isn't supported; the shapes are rectangle, cube, disk, cylinder, sphere, obj, ply, serialized, shapegroup and instance"),
         ("type=\"dielectric\"", "type=\"principled\"",
-         "s.xml:19:3: bsdf \"principled\" isn't supported; the bsdfs are diffuse, dielectric, thindielectric, conductor, roughdielectric, roughconductor and twosided"),
-        ("type=\"dielectric\"", "type=\"plastic\"",
-         "s.xml:19:3: bsdf \"plastic\" isn't supported; with --lenient only its diffuse part is taken"),
+         "s.xml:19:3: bsdf \"principled\" isn't supported; the bsdfs are diffuse, dielectric, thindielectric, conductor, roughdielectric, roughconductor, plastic, roughplastic, mask and twosided"),
+        ("type=\"dielectric\"", "type=\"phong\"",
+         "s.xml:19:3: bsdf \"phong\" isn't supported; with --lenient only its diffuse part is taken"),
+        ("type=\"dielectric\"", "type=\"mask\"", "s.xml:19:3: bsdf \"mask\" needs a bsdf in it"),
         ("type=\"dielectric\"", "type=\"thindielectric\"", "no error; []"),
         ("value=\"ggx\"", "value=\"beckmann\"",
          "s.xml:20:3: bsdf \"roughconductor\" with microfacets by Beckmann isn't supported; with --lenient they are taken as those of GGX"),
@@ -322,6 +323,8 @@ fn faults_are_named_with_their_place() {
          "<spectrum name=\"radiance\" type=\"blackbody\"><float name=\"temperature\" value=\"4000\"/></spectrum>", "no error; []"),
         ("type=\"constant\"", "type=\"sunsky\"",
          "s.xml:39:3: emitter \"sunsky\" isn't supported; the emitters are point, spot, directional, constant and envmap, and area in a shape"),
+        ("type=\"constant\"", "type=\"sky\"",
+         "s.xml:39:3: emitter \"sky\" isn't supported; the emitters are point, spot, directional, constant and envmap, and area in a shape"),
         ("type=\"constant\"", "type=\"envmap\"", "s.xml:39:3: emitter \"envmap\" needs a `filename`"),
         ("<emitter type=\"constant\" id=\"sky\">",
          "<emitter type=\"envmap\"><string name=\"filename\" value=\"a.hdr\"/><transform name=\"to_world\"><scale x=\"2\"/></transform>",
@@ -366,16 +369,76 @@ fn faults_are_named_with_their_place() {
 #[test]
 fn lenient_replaces_and_tells() {
     let text = NEW
-        .replace("type=\"dielectric\"", "type=\"plastic\"")
+        .replace("type=\"dielectric\"", "type=\"phong\"")
         .replace("</scene>", "<medium type=\"homogeneous\"/></scene>");
     let loaded = load_files(&[("s.xml", text.as_str())], &options(&[], true)).unwrap();
     assert_eq!(
         loaded.warnings,
         [
-            "s.xml:19:3: bsdf \"plastic\" isn't supported; only its diffuse part is taken",
+            "s.xml:19:3: bsdf \"phong\" isn't supported; only its diffuse part is taken",
             "s.xml:40:1: <medium> isn't supported; it is left out",
         ]
     );
+}
+
+#[test]
+fn plastic_masks_and_glowing_textures_are_taken() {
+    let board = "<texture type=\"checkerboard\" name=\"NAME\"><rgb name=\"color0\" value=\"0\"/><rgb name=\"color1\" value=\"1\"/></texture>";
+    let text = NEW
+        .replace(
+            "<bsdf type=\"dielectric\" id=\"glass\"><float name=\"int_ior\" value=\"1.5\"/>",
+            "<bsdf type=\"plastic\" id=\"glass\"><float name=\"int_ior\" value=\"1.5\"/><boolean name=\"nonlinear\" value=\"true\"/>\
+             <rgb name=\"diffuse_reflectance\" value=\"0.2 0.4 0.6\"/>",
+        )
+        .replace("type=\"roughconductor\"", "type=\"roughplastic\"")
+        .replace("<string name=\"material\" value=\"Au\"/>", "")
+        .replace("<ref id=\"white\"/>", &format!("<bsdf type=\"mask\" id=\"net\">{}<ref id=\"white\"/></bsdf>", board.replace("NAME", "opacity")))
+        .replace("<rgb name=\"radiance\" value=\"$lamp\"/>", &board.replace("NAME", "radiance"))
+        .replace("</scene>", "<shape type=\"sphere\"><point name=\"center\" x=\"-2\" y=\"5\" z=\"0\"/><emitter type=\"area\"><blackbody name=\"radiance\" temperature=\"3000\"/></emitter>\
+             <bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf></shape></scene>")
+        .replace("<bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf></shape>", "<bsdf type=\"bumpmap\"><bsdf type=\"diffuse\"/></bsdf></shape>");
+    let loaded = load_files(&[("s.xml", &text)], &options(&[("lamp", "1")], true)).unwrap();
+    let told: Vec<_> = loaded.warnings.iter().filter(|w| !w.contains("$lamp")).collect();
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(
+        told[0].ends_with("bsdf \"bumpmap\" is left out; its surface stays smooth"),
+        "{told:?}"
+    );
+    let scene = loaded.scene;
+    let material = |name: &str| scene.materials.iter().find(|m| m.name == name).unwrap();
+    let Specular::Coat(coat) = material("glass").specular else { panic!("no plastic") };
+    assert!(
+        coat.is_nonlinear() && (coat.ior() - 1.5).abs() < 1e-6 && !material("glass").is_rough()
+    );
+    assert_eq!(material("glass").albedo, Rgb::new(0.2, 0.4, 0.6));
+    let gilt = material("gilt");
+    assert!(gilt.is_coated() && gilt.is_rough() && gilt.albedo == Rgb::splat(0.5));
+    assert!(material("net").opacity_texture.is_some() && material("net").is_masked());
+    // Half of the lamp glows, and the floor lets light through where it isn't.
+    let flux = scene.lights[0].flux(&scene.bounds()).g;
+    assert!((flux / (4.0 * std::f32::consts::PI * 0.5) - 1.0).abs() < 1e-3, "{flux}");
+    let passing =
+        |x: f32, z: f32| scene.passing(&base::Ray::unbounded(Vec3A::new(x, 0.05, z), -Vec3A::Y));
+    assert_eq!([passing(-2.0, 2.0), passing(2.0, 2.0), passing(2.0, -2.0)], [1.0, 0.0, 1.0]);
+    assert!(scene.lights.iter().any(|l| matches!(l.kind, scene::LightKind::Sphere(_))));
+    for (bsdf, fault) in [
+        (
+            "<bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf>",
+            "a shape with a mask cannot emit; give the emitter to another one",
+        ),
+        (
+            "<bsdf type=\"plastic\"><rgb name=\"specular_reflectance\" value=\"2\"/></bsdf>",
+            "bsdf \"plastic\" would create light; use at most 1",
+        ),
+        (
+            "<bsdf type=\"mask\"><float name=\"opacity\" value=\"1.5\"/><bsdf type=\"diffuse\"/></bsdf>",
+            "`opacity` of bsdf \"mask\" is 1.5; use 0 to 1",
+        ),
+    ] {
+        let lamp = "<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"0\"/></bsdf>";
+        let message = load(&NEW.replace(lamp, bsdf)).unwrap_err();
+        assert!(message.ends_with(fault), "{message}");
+    }
 }
 
 #[test]

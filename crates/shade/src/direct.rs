@@ -6,7 +6,8 @@
 
 use base::{Ray, Rgb, Stream, hash_u64, math::FRAC_1_PI};
 use geometry::Surface;
-use scene::{Light, Toward};
+use glam::Vec3A;
+use scene::{Light, LightSample, Toward};
 
 use crate::shader::scramble;
 use crate::{PixelStream, Shader, ShadingPoint, Work};
@@ -31,9 +32,7 @@ impl Shader<'_> {
         stream: PixelStream,
         work: &mut Work,
     ) -> Rgb {
-        let unshadowed = self.scene.lights[light]
-            .unshadowed_irradiance(surface.position, surface.shading_normal);
-        match unshadowed {
+        match self.closed_form(light, surface, stream) {
             Some(u) if u.is_black() => Rgb::BLACK,
             Some(u) => u * self.arriving(light, self.shadow_points.len(), surface, stream, work),
             None => {
@@ -83,6 +82,51 @@ impl Shader<'_> {
         }
     }
 
+    /// Irradiance from one light as if nothing cast a shadow, where there is a closed form. What a coat makes of it has none,
+    /// but is a factor near 1, told by the places that shadow rays would go to.
+    pub(crate) fn closed_form(
+        &self,
+        light: usize,
+        surface: &Surface,
+        stream: PixelStream,
+    ) -> Option<Rgb> {
+        let of_light = &self.scene.lights[light];
+        let unshadowed =
+            of_light.unshadowed_irradiance(surface.position, surface.shading_normal)?;
+        if !self.scene.material(surface).is_coated() || unshadowed.is_black() {
+            return Some(unshadowed);
+        }
+        let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
+        let n = if of_light.is_delta() { 1 } else { self.shadow_points.len() };
+        let view = of_light.seen_from(surface.position, surface.shading_normal);
+        let (mut sent, mut received) = (Rgb::BLACK, Rgb::BLACK);
+        for &point in &self.shadow_points[..n] {
+            let Some(sample) = view.sample(scramble(point, bits)) else { continue };
+            sent += sample.irradiance;
+            received += self.received(surface, sample).irradiance;
+        }
+        Some(unshadowed * ratio(received, sent))
+    }
+
+    /// A sample of a light as the diffuse part of a surface receives it, through its coat if it has one.
+    #[inline]
+    pub(crate) fn received(&self, surface: &Surface, sample: LightSample) -> LightSample {
+        if !self.scene.material(surface).is_coated() {
+            return sample;
+        }
+        let dir = match sample.toward {
+            Toward::Direction(dir) => dir,
+            Toward::Point(point) => (point - surface.position).normalize_or_zero(),
+        };
+        LightSample { irradiance: sample.irradiance * self.passage(surface, dir), ..sample }
+    }
+
+    /// How much of the light from a unit direction gets to the diffuse part of a surface: see [`scene::Material::passage`].
+    #[inline]
+    pub(crate) fn passage(&self, surface: &Surface, dir: Vec3A) -> f32 {
+        self.scene.material(surface).passage(surface.shading_normal.dot(dir))
+    }
+
     fn shadow_sums(
         &self,
         light: usize,
@@ -99,10 +143,12 @@ impl Shader<'_> {
         for &point in &self.shadow_points[..n] {
             let u = scramble(point, bits);
             let Some(sample) = view.sample(u) else { continue };
+            let sample = self.received(surface, sample);
             sums.sent += sample.irradiance.mean();
             sums.sent_color += sample.irradiance;
-            if self.unoccluded(surface, sample.toward, work) {
-                sums.arrived += sample.irradiance;
+            let passing = self.passing(surface, sample.toward, work);
+            if passing > 0.0 {
+                sums.arrived += sample.irradiance * passing;
             }
         }
         sums
@@ -123,7 +169,7 @@ impl Shader<'_> {
         if of_light.is_delta() || rays as usize >= self.shadow_points.len() {
             return self.irradiance_from(light, surface, stream, work);
         }
-        let unshadowed = of_light.unshadowed_irradiance(position, normal);
+        let unshadowed = self.closed_form(light, surface, stream);
         if unshadowed.is_some_and(Rgb::is_black) {
             return Rgb::BLACK;
         }
@@ -132,7 +178,7 @@ impl Shader<'_> {
         samples.clear();
         let points = self.shadow_points.iter().map(|&point| scramble(point, bits));
         let view = of_light.seen_from(position, normal);
-        samples.extend(points.filter_map(|u| view.sample(u)));
+        samples.extend(points.filter_map(|u| Some(self.received(surface, view.sample(u)?))));
         let sent: Rgb = samples.iter().map(|s| s.irradiance).sum();
         // Every so much of what is sent, from a random start, a ray goes to the point that sends it.
         let step = sent.mean() / rays as f32;
@@ -143,23 +189,26 @@ impl Shader<'_> {
             if next < before {
                 let chosen = ((before - next) / step).ceil();
                 next += chosen * step;
-                if self.unoccluded(surface, sample.toward, work) {
-                    arrived += chosen;
-                    color += sample.irradiance * (chosen * step / sample.irradiance.mean());
+                let passing = self.passing(surface, sample.toward, work);
+                if passing > 0.0 {
+                    arrived += chosen * passing;
+                    color +=
+                        sample.irradiance * (passing * chosen * step / sample.irradiance.mean());
                 }
             }
         }
         work.light_samples = samples;
         if !of_light.has_one_color() {
-            return unshadowed.unwrap_or(sent) * ratio(color, sent);
+            let unshadowed = unshadowed.unwrap_or(sent / self.shadow_points.len() as f32);
+            return unshadowed * ratio(color, sent);
         }
         unshadowed.unwrap_or(sent / self.shadow_points.len() as f32)
             * (arrived / rays as f32).min(1.0)
     }
 
-    /// Whether nothing lies between a surface and a place on a light.
+    /// The part of light that passes between a surface and a place on a light: all or nothing, but for masks.
     #[inline]
-    pub(crate) fn unoccluded(&self, surface: &Surface, toward: Toward, work: &mut Work) -> bool {
+    pub(crate) fn passing(&self, surface: &Surface, toward: Toward, work: &mut Work) -> f32 {
         let ray = match toward {
             Toward::Direction(dir) => Ray::unbounded(surface.leave(dir), dir),
             Toward::Point(target) => {
@@ -167,7 +216,7 @@ impl Shader<'_> {
                 let to_target = target - origin;
                 let distance = to_target.length();
                 if distance == 0.0 {
-                    return true;
+                    return 1.0;
                 }
                 // Stops short of the light, whose own surface casts no shadow on what it lights.
                 Ray::new(origin, to_target / distance, distance * (1.0 - 2.0_f32.powi(-16)))
@@ -175,10 +224,10 @@ impl Shader<'_> {
         };
         // Below the true surface there is only its inside.
         if ray.dir().dot(surface.geometric_normal) <= 0.0 {
-            return false;
+            return 0.0;
         }
         work.counts.shadow_rays += 1;
-        !self.scene.accel.occluded(&ray)
+        self.scene.passing(&ray)
     }
 
     /// Whether one ray to a light gets through; nothing if the light sends nothing along it. Of the points on the light
@@ -196,7 +245,7 @@ impl Shader<'_> {
         let u = scramble(*point, bits);
         let sample =
             self.scene.lights[light].sample(surface.position, surface.shading_normal, u)?;
-        Some(self.unoccluded(surface, sample.toward, work))
+        Some(self.passing(surface, sample.toward, work) > 0.5)
     }
 
     /// The light with a number.

@@ -124,7 +124,7 @@ impl<'a> Shader<'a> {
             }
             let ray = Ray::unbounded(surface.leave(dir), dir);
             let (radiance, distance) = self.reflected_along(gathering, ray, i, work);
-            sum += radiance;
+            sum += radiance * self.passage(surface, dir);
             nearness += 1.0 / distance.max(f32::MIN_POSITIVE);
         }
         let n = rays.len() as f32;
@@ -174,7 +174,7 @@ impl<'a> Shader<'a> {
             if dir.dot(facing.geometric_normal) <= 0.0 || rng.next_f32() >= survival {
                 break;
             }
-            weight = weight / survival;
+            weight = weight * (self.passage(&facing, dir) / survival);
             ray = Ray::unbounded(facing.leave(dir), dir);
         }
         (sum, first)
@@ -209,8 +209,10 @@ impl<'a> Shader<'a> {
             let light = &lights[(place as usize).min(lights.len() - 1)];
             let view = light.seen_from(surface.position, surface.shading_normal);
             let Some(sample) = view.sample(rng.next_2d()) else { continue };
-            if self.unoccluded(surface, sample.toward, work) {
-                sum += sample.irradiance * (lights.len() as f32 / n as f32);
+            let passing = self.passing(surface, sample.toward, work);
+            if passing > 0.0 {
+                let sample = self.received(surface, sample);
+                sum += sample.irradiance * (passing * lights.len() as f32 / n as f32);
             }
         }
         sum

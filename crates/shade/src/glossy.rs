@@ -174,10 +174,14 @@ impl<'a> Shader<'a> {
             from_light / (from_light + rays as f32 * scattered.pdf)
         };
         let mut radiance = from.weight * scattered.value * beam.irradiance * (share / points);
-        if radiance.is_black() || !self.unoccluded(&at.surface.facing(beam.dir), beam.toward, work)
-        {
+        if radiance.is_black() {
             return Rgb::BLACK;
         }
+        let passing = self.passing(&at.surface.facing(beam.dir), beam.toward, work);
+        if passing <= 0.0 {
+            return Rgb::BLACK;
+        }
+        radiance = radiance * passing;
         if let Some(glass) = at.medium_beyond(scattered.transmitted, from.medium) {
             radiance *= glass.transmittance(beam.distance);
         }

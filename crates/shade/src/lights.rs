@@ -69,14 +69,15 @@ impl Shader<'_> {
     }
 
     fn unshadowed(&self, light: usize, surface: &Surface, stream: PixelStream) -> Rgb {
-        let (position, normal) = (surface.position, surface.shading_normal);
-        let of_light = &self.scene.lights[light];
-        of_light.unshadowed_irradiance(position, normal).unwrap_or_else(|| {
+        self.closed_form(light, surface, stream).unwrap_or_else(|| {
+            let (position, normal) = (surface.position, surface.shading_normal);
+            let of_light = &self.scene.lights[light];
             let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
             let points = self.shadow_points.iter().map(|&point| scramble(point, bits));
             let view = of_light.seen_from(position, normal);
-            let sent: Rgb =
-                points.filter_map(|u| view.sample(u)).map(|sample| sample.irradiance).sum();
+            let sent: Rgb = points
+                .filter_map(|u| Some(self.received(surface, view.sample(u)?).irradiance))
+                .sum();
             sent / self.shadow_points.len() as f32
         })
     }

@@ -14,7 +14,7 @@ pub struct ShadingPoint<'a> {
     pub facing: Surface,
     /// What it is made of.
     pub material: &'a Material,
-    /// Its diffuse albedo here: see [`scene::Scene::albedo`].
+    /// Its diffuse albedo here, as seen from `w_o`: see [`scene::Scene::albedo_from`].
     pub albedo: Rgb,
     /// Radiance that it emits towards `w_o`, `L_e` of Eq. (4).
     pub emitted: Rgb,

@@ -63,9 +63,8 @@ impl<'a> Shader<'a> {
     /// Where a ray arrives, and after what distance.
     #[inline]
     pub(crate) fn arrive(&self, ray: &Ray) -> Option<(ShadingPoint<'a>, f32)> {
-        let hit = self.scene.accel.closest_hit(ray)?;
-        let surface = self.scene.accel.surface(ray, &hit);
-        Some((self.shading_point(surface, -ray.dir()), hit.t))
+        let (surface, distance) = self.scene.arrive(ray, self.settings.seed)?;
+        Some((self.shading_point(surface, -ray.dir()), distance))
     }
 
     /// A surface as seen from the unit direction `w_o`.
@@ -75,7 +74,7 @@ impl<'a> Shader<'a> {
             surface,
             facing: surface.facing(w_o),
             material: self.scene.material(&surface),
-            albedo: self.scene.albedo(&surface),
+            albedo: self.scene.albedo_from(&surface, w_o),
             emitted: self.scene.emitted(&surface, w_o),
             w_o,
         }

@@ -4,7 +4,7 @@
 
 use base::math::FRAC_1_PI;
 use base::{PhotonClass, Ray, Rgb, Rng, Stream};
-use geometry::Surface;
+use geometry::{MaterialId, Surface};
 use glam::Vec3A;
 use photon_map::{PhotonSet, StoredPhoton};
 use scene::Toward;
@@ -39,6 +39,7 @@ struct Spot {
     normal: Vec3A,
     /// What the surface reflects of the photons it stands for, in watts over pi.
     intensity: Rgb,
+    material: MaterialId,
 }
 
 impl Spots {
@@ -113,8 +114,13 @@ impl Spots {
             if cosines * part <= 0.0 {
                 continue;
             }
-            if shader.unoccluded(surface, Toward::Point(spot.position), work) {
-                sum += spot.intensity * (part * cosines / (distance2 * distance2));
+            let passing = shader.passing(surface, Toward::Point(spot.position), work);
+            if passing > 0.0 {
+                let dir = to / distance;
+                let material = &shader.scene.materials[usize::from(spot.material.0)];
+                let coats = shader.passage(surface, dir) * material.passage(-dir.dot(spot.normal));
+                let factor = passing * coats * part * cosines / (distance2 * distance2);
+                sum += spot.intensity * factor;
             }
         }
         sum * scale
@@ -128,6 +134,7 @@ fn spot(shader: &Shader<'_>, photon: &StoredPhoton, flux: Rgb) -> Option<Spot> {
     let dir = -photon.normal;
     let ray = Ray::new(photon.position - dir * height, dir, 2.0 * height);
     let (point, _) = shader.arrive(&ray)?;
-    let Surface { position, geometric_normal: normal, .. } = point.facing;
-    Some(Spot { position, normal, intensity: flux * point.albedo * FRAC_1_PI })
+    let Surface { position, geometric_normal: normal, material, .. } = point.facing;
+    let intensity = flux * shader.scene.albedo(&point.surface) * FRAC_1_PI;
+    Some(Spot { position, normal, intensity, material })
 }

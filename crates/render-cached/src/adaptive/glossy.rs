@@ -214,6 +214,7 @@ fn tint_of(material: &Material) -> Rgb {
         Specular::None | Specular::Glass { .. } | Specular::Pane { .. } => Rgb::ONE,
         Specular::Mirror { reflectance } => reflectance,
         Specular::Metal { eta, k } => fresnel_conductor(1.0, eta, k),
+        Specular::Coat(coat) => coat.reflectance(),
     };
     tint.map(|t| t.max(1e-3))
 }

@@ -30,12 +30,13 @@ impl View {
             .enumerate()
             .map(|(i, surface)| match surface {
                 Some(surface) if scene.material(surface).is_diffuse() => {
-                    let facing = surface.facing(frame.eye(size.pixel(i)) - surface.position);
+                    let to_eye = frame.eye(size.pixel(i)) - surface.position;
+                    let facing = surface.facing(to_eye);
                     let site = SurfacePoint {
                         position: facing.position.into(),
                         normal: facing.shading_normal.into(),
                     };
-                    (Some(site), scene.albedo(surface))
+                    (Some(site), scene.albedo_from(surface, to_eye.normalize_or_zero()))
                 }
                 _ => (None, Rgb::BLACK),
             })

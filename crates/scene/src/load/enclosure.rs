@@ -32,6 +32,7 @@ pub(super) fn dark_enclosure(parts: &Parts) -> Option<&String> {
 
 fn is_opaque(material: &Material) -> bool {
     !matches!(material.specular, Specular::Glass { .. } | Specular::Pane { .. })
+        && !material.is_masked()
 }
 
 /// Whether a light might lie within the box.

@@ -8,7 +8,7 @@ use super::mesh_checks::{check_hull, drop_useless, repair_normals};
 use super::obj::{self, Materials};
 use super::ply;
 use super::tables::MeshTable;
-use crate::{Error, Specular};
+use crate::{Error, Specular, TextureId};
 
 /// Adds the mesh number `index` of the scene file.
 pub(super) fn add(
@@ -52,7 +52,9 @@ pub(super) fn add(
                 textures.push(id.ok_or_else(|| too_many("textures"))?);
             }
             for mut own in obj.materials {
-                own.albedo_texture = own.albedo_texture.map(|id| textures[usize::from(id.0)]);
+                let placed = |id: TextureId| textures[usize::from(id.0)];
+                own.albedo_texture = own.albedo_texture.map(placed);
+                own.opacity_texture = own.opacity_texture.map(placed);
                 own.name = format!("{name}/{}", own.name);
                 assembly.add_material(own).ok_or_else(|| too_many("materials"))?;
             }

@@ -34,8 +34,22 @@ struct Entry {
     roughness: Option<f32>,
     /// What colors the diffuse part, with its line.
     map: Option<(usize, Map)>,
+    /// What tells which part of the surface is there, with its line.
+    mask: Option<(usize, Map)>,
     /// What is ignored, told only if the material is used.
     warnings: Vec<String>,
+}
+
+/// What we make of a material.
+#[derive(Debug)]
+pub(super) struct Found {
+    pub(super) material: Material,
+    /// What colors it.
+    pub(super) texture: Option<Texture>,
+    /// What tells which part of its surfaces is there.
+    pub(super) mask: Option<Texture>,
+    /// What its author should know.
+    pub(super) warnings: Vec<String>,
 }
 
 /// A material whose statements are being read.
@@ -44,6 +58,7 @@ struct Head {
     line: usize,
     name: String,
     map: Option<(usize, Map)>,
+    mask: Option<(usize, Map)>,
     roughness: Option<f32>,
     warnings: Vec<String>,
 }
@@ -85,9 +100,14 @@ impl Library {
                         Rewritten::Roughness(roughness) => head.roughness = Some(roughness),
                         Rewritten::Ignored(why) => head.warnings.push(file.warning(line, why)),
                         Rewritten::Map(map) => {
-                            let ignored = map.ignored(&head.name);
+                            let ignored = map.ignored("map_Kd", &head.name);
                             head.warnings.extend(ignored.map(|why| file.warning(line, why)));
                             head.map = Some((line, map));
+                        }
+                        Rewritten::Mask(map) => {
+                            let ignored = map.ignored("map_d", &head.name);
+                            head.warnings.extend(ignored.map(|why| file.warning(line, why)));
+                            head.mask = Some((line, map));
                         }
                         Rewritten::Nothing => {}
                     }
@@ -99,10 +119,11 @@ impl Library {
         let entries = heads
             .into_iter()
             .zip(materials)
-            .map(|(Head { line, name, map, roughness, warnings }, material)| Entry {
+            .map(|(Head { line, name, map, mask, roughness, warnings }, material)| Entry {
                 line,
                 material: tobj::Material { name, ..material },
                 map,
+                mask,
                 roughness,
                 warnings,
             })
@@ -120,14 +141,9 @@ impl Library {
         self.by_name.keys().map(String::as_str)
     }
 
-    /// What we make of material number `index`, the texture that colors it, which must be in reach, and what its author
-    /// should know about it.
-    pub(super) fn material(
-        &self,
-        index: usize,
-        reach: &Reach,
-    ) -> Result<(Material, Option<Texture>, Vec<String>), Error> {
-        let Entry { line, material, map, roughness, warnings } = &self.entries[index];
+    /// What we make of material number `index`; its textures must be in reach.
+    pub(super) fn material(&self, index: usize, reach: &Reach) -> Result<Found, Error> {
+        let Entry { line, material, map, mask, roughness, warnings } = &self.entries[index];
         let name = &material.name;
         let fault = |text: String| self.file.fault(*line, text);
         let mut warnings = warnings.clone();
@@ -187,10 +203,19 @@ impl Library {
             warnings.push(self.file.warning(*line, text));
         }
         let is_glass = matches!(specular, Specular::Glass { .. });
-        if material.dissolve.is_some_and(|d| d < 1.0) && !is_glass {
-            let text = format!(
-                "material `{name}` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass"
-            );
+        // Glass and lamps are there, whatever d says: many programs write it for glass, too.
+        let may_be_masked = !is_glass && ke.is_black();
+        let opacity =
+            material.dissolve.filter(|_| may_be_masked).map_or(1.0, |d| d.clamp(0.0, 1.0));
+        let mask = match mask {
+            Some((line, map)) if may_be_masked => {
+                let texture = map.read_linear(&self.file.path, reach);
+                Some(texture.map_err(|fault| self.file.fault(*line, fault))?)
+            }
+            _ => None,
+        };
+        if (material.dissolve.is_some_and(|d| d < 1.0) || mask.is_some()) && !ke.is_black() {
+            let text = format!("the d of material `{name}` is ignored, since it emits");
             warnings.push(self.file.warning(*line, text));
         }
         if albedo.is_black() && reflectance.is_black() && ke.is_black() && !is_glass {
@@ -225,8 +250,8 @@ impl Library {
         }
         let roughness = roughness.filter(|_| specular != Specular::None).unwrap_or(0.0);
         let (emission, black) = (ke, Material::black(name.clone()));
-        let material = Material { albedo, specular, roughness, emission, ..black };
-        Ok((material, texture, warnings))
+        let material = Material { albedo, specular, roughness, emission, opacity, ..black };
+        Ok(Found { material, texture, mask, warnings })
     }
 }
 
@@ -239,6 +264,8 @@ enum Rewritten {
     Ignored(String),
     /// What colors the diffuse part.
     Map(Map),
+    /// What tells which part is there.
+    Mask(Map),
     Nothing,
 }
 
@@ -293,8 +320,12 @@ fn rewrite(file: &TextFile, statement: &Statement<'_>, name: &str) -> Result<Rew
             Ok(map) => Ok(Rewritten::Map(map)),
             Err(fault) => Err(file.fault(line, format!("the map_Kd of material `{name}` {fault}"))),
         },
+        "map_d" => match Map::parse(statement.name()) {
+            Ok(map) => Ok(Rewritten::Mask(map)),
+            Err(fault) => Err(file.fault(line, format!("the map_d of material `{name}` {fault}"))),
+        },
         _ if is_map(keyword) => Ok(Rewritten::Ignored(format!(
-            "only map_Kd is rendered; the {keyword} of material `{name}` is ignored"
+            "only map_Kd and map_d are rendered; the {keyword} of material `{name}` is ignored"
         ))),
         _ => Ok(Rewritten::Ignored(format!(
             "`{keyword}` of material `{name}` is not supported and ignored"
@@ -351,7 +382,7 @@ mod tests {
         let text = format!("newmtl a\n{lines}\n");
         Library::read(Path::new("l.mtl"), text.as_bytes())
             .and_then(|library| library.material(0, &Reach::Everything))
-            .map(|(material, _, warnings)| (material, warnings))
+            .map(|Found { material, warnings, .. }| (material, warnings))
             .map_err(|e| e.to_string())
     }
 
@@ -380,6 +411,9 @@ mod tests {
         }
         assert_eq!(clean("Ks 1\nPr 0.5\nillum 3").roughness, 0.5);
         assert_eq!(clean("Ni 1.5\nPr 0.25\nillum 7").roughness, 0.25);
+        for half in ["d 0.5", "d -halo 0.5", "Tr 0.5"] {
+            assert_eq!(clean(&format!("Kd 0.5\n{half}")).opacity, 0.5);
+        }
         let m = clean("Kd 0.5\nKe 3 2 1");
         assert_eq!(m.emission, Rgb::new(3.0, 2.0, 1.0));
         assert_eq!(m.name, "a");
@@ -406,18 +440,7 @@ mod tests {
                 "Kd 0.5\nKs 0.5\nNs 10\nillum 2",
                 "l.mtl: highlights (Ks with illum 2) are not rendered; use illum 3 for mirrors",
             ),
-            (
-                "Kd 0.5\nd 0.5",
-                "l.mtl:1:1: material `a` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass",
-            ),
-            (
-                "Kd 0.5\nd -halo 0.5",
-                "l.mtl:1:1: material `a` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass",
-            ),
-            (
-                "Kd 0.5\nTr 0.5",
-                "l.mtl:1:1: material `a` is made transparent by d or Tr, which is not rendered; use illum 7 and Ni for glass",
-            ),
+            ("Kd 0.5\nKe 1\nd 0.5", "l.mtl:1:1: the d of material `a` is ignored, since it emits"),
             ("Ka 0.5", "l.mtl:1:1: material `a` is black; give it Kd"),
             (
                 "Kd 0.75\nKs 0.5\nillum 3",
@@ -425,7 +448,7 @@ mod tests {
             ),
             (
                 "Kd 0.5\nbump -bm 0.1 -o 1 b.png",
-                "l.mtl:3:1: only map_Kd is rendered; the bump of material `a` is ignored",
+                "l.mtl:3:1: only map_Kd and map_d are rendered; the bump of material `a` is ignored",
             ),
             (
                 "Kd 0\nKe 1\nmap_Kd a.png",

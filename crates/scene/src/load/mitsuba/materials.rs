@@ -10,7 +10,7 @@ use super::xml::Element;
 use super::{Context, MAX_REFERENCES, bits};
 use crate::load::keys::list;
 use crate::load::materials::{IOR_RANGE, METALS};
-use crate::{Error, Material, Specular, TextureId};
+use crate::{Coat, Error, LEAST_ROUGHNESS, Material, Specular, TextureId};
 
 /// Mitsuba's names of metals, and ours.
 const CONDUCTORS: [(&str, &str); 5] =
@@ -68,7 +68,11 @@ pub(super) fn material<'d>(
     if context.assembly.materials.iter().any(|m| m.name == name) {
         name = format!("{name}, {}", context.assembly.materials.len() + 1);
     }
-    let Looks { albedo, albedo_texture, specular, roughness } = looks;
+    let Looks { albedo, albedo_texture, specular, roughness, opacity, opacity_texture } = looks;
+    if !emission.is_black() && (opacity < 1.0 || opacity_texture.is_some()) {
+        let fault = "a shape with a mask cannot emit; give the emitter to another one";
+        return Err(context.document.fault(shape.place, fault));
+    }
     let material = Material {
         albedo,
         albedo_texture,
@@ -76,6 +80,8 @@ pub(super) fn material<'d>(
         roughness,
         emission,
         emission_texture,
+        opacity,
+        opacity_texture,
         ..Material::black(name)
     };
     let id = context.assembly.add_material(material).ok_or_else(|| {
@@ -91,11 +97,20 @@ struct Looks {
     albedo_texture: Option<TextureId>,
     specular: Specular,
     roughness: f32,
+    opacity: f32,
+    opacity_texture: Option<TextureId>,
 }
 
 impl Default for Looks {
     fn default() -> Self {
-        Self { albedo: Rgb::BLACK, albedo_texture: None, specular: Specular::None, roughness: 0.0 }
+        Self {
+            albedo: Rgb::BLACK,
+            albedo_texture: None,
+            specular: Specular::None,
+            roughness: 0.0,
+            opacity: 1.0,
+            opacity_texture: None,
+        }
     }
 }
 
@@ -119,9 +134,13 @@ fn looks<'d>(
         "conductor" => Looks { specular: conductor(context, &plugin)?, ..Looks::default() },
         // Our surfaces have two equal sides.
         "twosided" => return inner(context, &plugin, on_sphere, n_above),
-        "mask" | "bumpmap" | "normalmap" => {
-            let what = format!("{} isn't supported", plugin.title());
-            context.refuse(element.place, &what, "the material in it is taken as it is")?;
+        "mask" => masked(context, &plugin, on_sphere, n_above)?,
+        "bumpmap" | "normalmap" => {
+            let text = format!("{} is left out; its surface stays smooth", plugin.title());
+            let warning = context.document.fault(element.place, text).to_string();
+            if !context.assembly.warnings.contains(&warning) {
+                context.assembly.warnings.push(warning);
+            }
             return inner(context, &plugin, on_sphere, n_above);
         }
         "roughconductor" => {
@@ -134,10 +153,15 @@ fn looks<'d>(
         }
         "thindielectric" => {
             full(context, &plugin, &["specular_reflectance", "specular_transmittance"])?;
-            let ior = relative_ior(context, &plugin)?;
+            let ior = relative_ior(context, &plugin, "bk7")?;
             Looks { specular: Specular::Pane { ior }, ..Looks::default() }
         }
-        "plastic" | "roughplastic" | "phong" | "ward" | "coating" | "difftrans" => {
+        "plastic" => plastic(context, &plugin, 0.0, on_sphere)?,
+        "roughplastic" => {
+            let roughness = roughness(context, &plugin)?;
+            plastic(context, &plugin, roughness, on_sphere)?
+        }
+        "phong" | "ward" | "coating" | "difftrans" => {
             instead(context, &plugin, "only its diffuse part is taken")?;
             return diffuse(context, &plugin, "diffuse_reflectance", on_sphere);
         }
@@ -149,6 +173,9 @@ fn looks<'d>(
                 "conductor",
                 "roughdielectric",
                 "roughconductor",
+                "plastic",
+                "roughplastic",
+                "mask",
                 "twosided",
             ];
             let fault =
@@ -181,6 +208,55 @@ fn inner<'d>(
         context.refuse(second.place, what, "both are of the first")?;
     }
     looks(context, first, on_sphere, n_above + 1)
+}
+
+/// What is in a mask, as far as it is there.
+fn masked<'d>(
+    context: &mut Context<'d>,
+    plugin: &Plugin<'d>,
+    on_sphere: bool,
+    n_above: usize,
+) -> Result<Looks, Error> {
+    let looks = inner(context, plugin, on_sphere, n_above)?;
+    let Some(written) = plugin.get(&["opacity"]) else {
+        // As Mitsuba has it.
+        return Ok(Looks { opacity: 0.5 * looks.opacity, ..looks });
+    };
+    let target = context.resolve(written)?;
+    if target.tag == "texture" {
+        if looks.opacity_texture.is_some() {
+            let fault = "a mask in a mask has a texture, too; keep one of them";
+            return Err(context.document.fault(written.place, fault));
+        }
+        let id = texture(context, target, on_sphere)?;
+        return Ok(Looks { opacity_texture: Some(id), ..looks });
+    }
+    let opacity = color(context, target, Quantity::Matter)?.mean();
+    if opacity > 1.0 {
+        let fault = format!("`opacity` of {} is {opacity}; use 0 to 1", plugin.title());
+        return Err(context.document.fault(written.place, fault));
+    }
+    Ok(Looks { opacity: opacity * looks.opacity, ..looks })
+}
+
+/// A coat over a diffuse base.
+fn plastic<'d>(
+    context: &mut Context<'d>,
+    plugin: &Plugin<'d>,
+    roughness: f32,
+    on_sphere: bool,
+) -> Result<Looks, Error> {
+    let base = diffuse(context, plugin, "diffuse_reflectance", on_sphere)?;
+    let ior = relative_ior(context, plugin, "polypropylene")?;
+    let is_nonlinear = plugin.boolean(context, "nonlinear")?;
+    let reflectance = plugin.color(context, "specular_reflectance")?.unwrap_or(Rgb::ONE);
+    if reflectance.max_channel() > 1.0 {
+        let fault = format!("{} would create light; use at most 1", plugin.title());
+        return Err(context.document.fault(plugin.element.place, fault));
+    }
+    let of_coat = if roughness < LEAST_ROUGHNESS { 0.0 } else { roughness };
+    let coat = Coat::new(ior, reflectance, is_nonlinear, of_coat);
+    Ok(Looks { specular: Specular::Coat(coat), roughness, ..base })
 }
 
 fn diffuse<'d>(
@@ -228,12 +304,12 @@ fn full<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>, names: &[&str]) -> R
 }
 
 fn glass(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<Looks, Error> {
-    let ior = relative_ior(context, plugin)?;
+    let ior = relative_ior(context, plugin, "bk7")?;
     Ok(Looks { specular: Specular::Glass { ior, absorption: Rgb::BLACK }, ..Looks::default() })
 }
 
 /// The index of refraction of the inside relative to the outside.
-fn relative_ior(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<f32, Error> {
+fn relative_ior(context: &Context<'_>, plugin: &Plugin<'_>, inside: &str) -> Result<f32, Error> {
     let index = |name: &str, default: &str| -> Result<f64, Error> {
         let Some(written) = plugin.get(&[name]) else { return Ok(ior_of(default).unwrap_or(1.0)) };
         if written.tag != "string" {
@@ -248,7 +324,7 @@ fn relative_ior(context: &Context<'_>, plugin: &Plugin<'_>) -> Result<f32, Error
             context.document.fault(written.place, fault)
         })
     };
-    let ior = (index("int_ior", "bk7")? / index("ext_ior", "air")?) as f32;
+    let ior = (index("int_ior", inside)? / index("ext_ior", "air")?) as f32;
     if !IOR_RANGE.contains(&ior) {
         let fault = format!(
             "the relative index of refraction of {} is {ior}; it lies between {} and {}",

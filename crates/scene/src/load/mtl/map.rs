@@ -1,4 +1,4 @@
-//! `map_Kd` and its options.
+//! `map_Kd` and `map_d` and their options.
 
 use std::path::Path;
 
@@ -55,21 +55,34 @@ impl Map {
     }
 
     /// What the author of the material should know.
-    pub(super) fn ignored<'a>(&'a self, material: &'a str) -> impl Iterator<Item = String> + 'a {
+    pub(super) fn ignored<'a>(
+        &'a self,
+        keyword: &'a str,
+        material: &'a str,
+    ) -> impl Iterator<Item = String> + 'a {
         self.ignored.iter().map(move |option| {
-            format!("the option {option} of the map_Kd of material `{material}` is ignored")
+            format!("the option {option} of the {keyword} of material `{material}` is ignored")
         })
     }
 
-    /// The image, which is looked for beside the library.
+    /// The image of colors, which is looked for beside the library.
     pub(super) fn read(&self, library: &Path, reach: &Reach) -> Result<Texture, String> {
+        self.texture(library, reach, false)
+    }
+
+    /// The same of an image whose values are meant as they are.
+    pub(super) fn read_linear(&self, library: &Path, reach: &Reach) -> Result<Texture, String> {
+        self.texture(library, reach, true)
+    }
+
+    fn texture(&self, library: &Path, reach: &Reach, is_linear: bool) -> Result<Texture, String> {
         let folder = library.parent().unwrap_or(Path::new(""));
         let mut path = folder.join(&self.file);
         // Some programs write the separators of another system.
         if !path.exists() && self.file.contains('\\') {
             path = folder.join(self.file.replace('\\', "/"));
         }
-        let (size, texels) = image::read(reach, &path, false)?;
+        let (size, texels) = image::read(reach, &path, is_linear)?;
         let wrap = if self.clamp { Wrap::Clamp } else { Wrap::Repeat };
         Ok(Texture {
             placement: Affine2::from_scale_angle_translation(self.scale, 0.0, self.offset),

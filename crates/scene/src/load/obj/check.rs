@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::Materials;
 use crate::load::lines::{Statement, TextFile, decode, statements};
-use crate::load::mtl::Library;
+use crate::load::mtl::{Found, Library};
 use crate::load::polygon::MAX_CORNERS;
 use crate::load::reach::Reach;
 use crate::load::source::MAX_LENGTH;
@@ -167,9 +167,7 @@ impl Checker<'_> {
     /// Whether a material needs texture coordinates.
     fn is_textured(&self, material: usize) -> bool {
         match self.materials {
-            Materials::FromLibraries(_) => {
-                self.checked.materials[material].albedo_texture.is_some()
-            }
+            Materials::FromLibraries(_) => self.checked.materials[material].is_textured(),
             Materials::Ignored { textured } => textured,
         }
     }
@@ -280,7 +278,7 @@ impl Checker<'_> {
         if let Some(&number) = self.numbers.get(&origin) {
             return Ok(number);
         }
-        let (mut material, texture, warnings) =
+        let Found { mut material, texture, mask, warnings } =
             self.libraries[origin.0].material(origin.1, reach)?;
         for warning in warnings {
             if !self.checked.warnings.contains(&warning) {
@@ -291,21 +289,29 @@ impl Checker<'_> {
         if number > usize::from(u16::MAX) {
             return Err(self.file.fault(line, "too many materials; use at most 65536"));
         }
-        material.albedo_texture = texture.map(|texture| self.add_texture(texture));
+        for (texture, place) in
+            [(texture, &mut material.albedo_texture), (mask, &mut material.opacity_texture)]
+        {
+            let Some(texture) = texture else { continue };
+            *place = self.add_texture(texture);
+            if place.is_none() {
+                return Err(self.file.fault(line, "too many textures; use at most 65536"));
+            }
+        }
         self.checked.materials.push(material);
         self.numbers.insert(origin, number);
         Ok(number)
     }
 
-    /// Materials often share an image: the same texture is kept once. There are no more of them than materials.
-    fn add_texture(&mut self, texture: Texture) -> TextureId {
+    /// Materials often share an image: the same texture is kept once. `None` when there are too many.
+    fn add_texture(&mut self, texture: Texture) -> Option<TextureId> {
         let textures = &mut self.checked.textures;
         let known = textures.iter().position(|t| *t == texture);
         let index = known.unwrap_or_else(|| {
             textures.push(texture);
             textures.len() - 1
         });
-        TextureId(index as u16)
+        u16::try_from(index).ok().map(TextureId)
     }
 
     /// Writes the faces of an object. Its normals count only if every corner has one.
