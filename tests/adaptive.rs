@@ -6,5 +6,6 @@ mod cost;
 mod honesty;
 mod lens;
 mod lights;
+mod materials;
 mod rooms;
 mod shadows;

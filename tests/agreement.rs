@@ -33,7 +33,7 @@ const PRECISION: f64 = 0.003;
 /// A scene, and how much work makes both pictures precise.
 pub(crate) struct Case {
     /// The name of the folder of what fails.
-    pub(crate) name: &'static str,
+    pub(crate) name: String,
     /// The scene.
     pub(crate) parts: Parts,
     /// Paths a pixel.
@@ -90,7 +90,7 @@ fn assert_agreement_of(case: &Case, rendering: &dyn Fn(&Case, &Scene, u64) -> Re
         }
     }
     if !faults.is_empty() {
-        let folder = show(case.name, &renderings, &reference);
+        let folder = show(&case.name, &renderings, &reference);
         panic!("{}\nlook at the pictures in {}", faults.join("\n"), folder.display());
     }
 }

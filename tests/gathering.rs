@@ -64,7 +64,7 @@ fn furnaces() {
 fn cornell_box() {
     assert_agreement_of_gathering(
         &Case {
-            name: "gathered-cornell-box",
+            name: "gathered-cornell-box".into(),
             parts: crate::transport::from_file("cornell-box"),
             samples_per_pixel: 512,
             photons: 4_000_000,

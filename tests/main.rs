@@ -14,5 +14,6 @@ mod passes;
 mod path_tracer;
 mod renderer;
 mod scenes;
+mod table;
 mod textures;
 mod transport;

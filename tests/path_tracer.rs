@@ -9,6 +9,7 @@
 //! and indirect light behind them) is missing here: compare such scenes without it, or by flux.
 
 mod checks;
+mod coats;
 mod lights;
 mod optics;
 mod random;
@@ -22,6 +23,7 @@ use glam::{DVec3, Vec2};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use scene::{Material, Parts, Scene};
 
+use coats::Coats;
 use lights::Lights;
 use random::Random;
 
@@ -147,6 +149,7 @@ struct Tracer<'a> {
     parts: &'a Parts,
     scene: &'a Scene,
     lights: Lights<'a>,
+    coats: Coats,
 }
 
 /// Where a path has arrived. Both normals are on the side it came from.
@@ -163,7 +166,7 @@ struct Vertex<'a> {
 
 impl<'a> Tracer<'a> {
     fn new(parts: &'a Parts, scene: &'a Scene) -> Self {
-        Self { parts, scene, lights: Lights::new(parts, scene) }
+        Self { parts, scene, lights: Lights::new(parts, scene), coats: Coats::new(parts) }
     }
 
     /// The light along an eye ray, one estimate.
@@ -180,7 +183,7 @@ impl<'a> Tracer<'a> {
         // The glass that the path has entered.
         let mut medium = None;
         for length in 1.. {
-            let Some((vertex, distance)) = self.arrive(&ray) else {
+            let Some((vertex, distance)) = self.arrive(&ray, random) else {
                 found.add(component, beta * squeeze * self.lights.beyond(ray.dir()));
                 break;
             };
@@ -198,7 +201,13 @@ impl<'a> Tracer<'a> {
             }
 
             // Either the diffuse or the specular part, by chance.
-            let albedo = color(self.scene.albedo(&vertex.surface));
+            let cos = vertex.shading_normal.dot(vertex.w_o).max(0.0);
+            let material = usize::from(vertex.surface.material.0);
+            let coated = |cos: f64| self.coats.of(material, cos, self.base_albedo(&vertex));
+            let (passes_out, passes_in, albedo) = coated(cos);
+            // What is scattered diffusely of light from all sides; by its direction it is more or less.
+            let albedo = albedo * passes_out * passes_in;
+            let passage = |dir: DVec3| coated(dir.dot(vertex.shading_normal)).0 / passes_in;
             let reflectance = optics::specular_reflectance(&vertex);
             let (diffuse, specular) = (albedo.max_element(), reflectance.max_element());
             if diffuse + specular == 0.0 {
@@ -215,7 +224,7 @@ impl<'a> Tracer<'a> {
                 let scatter = |dir: DVec3| {
                     let above = dir.dot(vertex.geometric_normal) > 0.0;
                     let cos = dir.dot(vertex.shading_normal) * FRAC_1_PI;
-                    (above && cos > 0.0).then_some((DVec3::splat(cos), cos))
+                    (above && cos > 0.0).then(|| (DVec3::splat(cos * passage(dir)), cos))
                 };
                 let lit = self.lights.scattered(&vertex, medium, random, scatter);
                 found.add(component, beta * squeeze * lit);
@@ -223,6 +232,7 @@ impl<'a> Tracer<'a> {
                 if dir.dot(vertex.geometric_normal) <= 0.0 {
                     break;
                 }
+                beta *= passage(dir);
                 followed_pdf = Some(dir.dot(vertex.shading_normal) * FRAC_1_PI);
                 dir
             } else {
@@ -271,13 +281,35 @@ impl<'a> Tracer<'a> {
         found
     }
 
-    fn arrive(&self, ray: &Ray) -> Option<(Vertex<'a>, f64)> {
-        let hit = self.scene.accel.closest_hit(ray)?;
-        let surface = self.scene.accel.surface(ray, &hit);
+    /// The diffuse albedo without a coat.
+    fn base_albedo(&self, at: &Vertex<'_>) -> DVec3 {
+        let texel = at.material.albedo_texture.map_or(Rgb::ONE, |id| {
+            let uv = self.scene.accel.uv(&at.surface).unwrap_or_default();
+            self.parts.textures[usize::from(id.0)].1.at(uv)
+        });
+        color(at.material.albedo) * color(texel)
+    }
+
+    /// Where a ray arrives, past what masks let pass, and after what distance.
+    fn arrive(&self, ray: &Ray, random: &mut Random) -> Option<(Vertex<'a>, f64)> {
+        let (mut ray, mut distance) = (*ray, 0.0);
+        loop {
+            let hit = self.scene.accel.closest_hit(&ray)?;
+            let surface = self.scene.accel.surface(&ray, &hit);
+            distance += f64::from(hit.t);
+            let opacity = f64::from(self.scene.opacity(&surface));
+            if opacity == 1.0 || random.uniform() < opacity {
+                return Some((self.vertex(surface, &ray), distance));
+            }
+            ray = Ray::unbounded(surface.leave(ray.dir()), ray.dir());
+        }
+    }
+
+    fn vertex(&self, surface: Surface, ray: &Ray) -> Vertex<'a> {
         let w_o = -ray.dir().as_dvec3();
         let front = w_o.dot(surface.geometric_normal.as_dvec3()) > 0.0;
         let side = if front { 1.0 } else { -1.0 };
-        let vertex = Vertex {
+        Vertex {
             surface,
             material: &self.parts.materials[usize::from(surface.material.0)],
             position: surface.position.as_dvec3(),
@@ -285,8 +317,7 @@ impl<'a> Tracer<'a> {
             shading_normal: surface.shading_normal.as_dvec3() * side,
             w_o,
             front,
-        };
-        Some((vertex, f64::from(hit.t)))
+        }
     }
 }
 

@@ -62,7 +62,7 @@ fn textured_room() {
     add_mesh(&mut parts, unit_square(leaning), board);
     add_sphere(&mut parts, Vec3::new(-0.1, 1.3, -0.3), 0.3, mirror(0.9));
     assert_agreement(&Case {
-        name: "textured-room",
+        name: "textured-room".into(),
         parts,
         samples_per_pixel: 256,
         photons: 4_000_000,

@@ -46,7 +46,7 @@ fn polished() -> Material {
 #[test]
 fn cornell_box() {
     assert_agreement(&Case {
-        name: "cornell-box",
+        name: "cornell-box".into(),
         parts: from_file("cornell-box"),
         samples_per_pixel: 512,
         photons: 4_000_000,
@@ -58,7 +58,7 @@ fn cornell_box() {
 #[test]
 fn rabbit() {
     assert_agreement(&Case {
-        name: "rabbit",
+        name: "rabbit".into(),
         parts: from_file("rabbit"),
         samples_per_pixel: 256,
         photons: 3_000_000,
@@ -71,7 +71,7 @@ fn rabbit() {
 #[test]
 fn each_light() {
     assert_agreement(&Case {
-        name: "each-light",
+        name: "each-light".into(),
         parts: from_file("tests/each-light"),
         samples_per_pixel: 256,
         photons: 6_000_000,
@@ -91,7 +91,7 @@ fn glowing_ball() {
     add_mesh(&mut parts, faceted_ball(Vec3::new(-0.35, 1.2, -0.2), 0.3, 6), ball);
     add_sphere(&mut parts, Vec3::new(0.4, 0.4, 0.1), 0.35, gold());
     assert_agreement(&Case {
-        name: "glowing-ball",
+        name: "glowing-ball".into(),
         parts,
         samples_per_pixel: 512,
         photons: 2_000_000,
@@ -109,7 +109,7 @@ fn glass_and_mirrors() {
     add_mesh(&mut parts, block, green_glass());
     add_sphere(&mut parts, Vec3::new(0.3, 1.3, -0.5), 0.4, mirror(0.9));
     assert_agreement(&Case {
-        name: "glass-and-mirrors",
+        name: "glass-and-mirrors".into(),
         parts,
         samples_per_pixel: 512,
         photons: 2_000_000,
@@ -131,7 +131,7 @@ fn under_the_sky() {
     add_sphere(&mut parts, Vec3::new(0.7, 0.5, -0.3), 0.5, gold());
     add_sphere(&mut parts, Vec3::new(1.0, 0.3, 0.9), 0.28, polished());
     assert_agreement(&Case {
-        name: "under-the-sky",
+        name: "under-the-sky".into(),
         parts,
         samples_per_pixel: 256,
         photons: 6_000_000,
@@ -163,7 +163,7 @@ fn under_an_image() {
     add_sphere(&mut parts, Vec3::new(0.7, 0.5, -0.3), 0.5, Material { roughness: 0.3, ..gold() });
     add_sphere(&mut parts, Vec3::new(1.0, 0.3, 0.9), 0.28, polished());
     assert_agreement(&Case {
-        name: "under-an-image",
+        name: "under-an-image".into(),
         parts,
         samples_per_pixel: 512,
         photons: 6_000_000,
@@ -183,7 +183,7 @@ fn behind_a_pane() {
     let block = cuboid(Vec3::new(0.15, 0.1, -0.5), Vec3::new(0.7, 0.8, 0.0));
     add_mesh(&mut parts, block, diffuse(Rgb::new(0.2, 0.5, 0.7)));
     assert_agreement(&Case {
-        name: "behind-a-pane",
+        name: "behind-a-pane".into(),
         parts,
         samples_per_pixel: 512,
         photons: 2_000_000,
@@ -203,7 +203,7 @@ fn through_a_lens() {
     add_mesh(&mut parts, block, diffuse(Rgb::new(0.2, 0.5, 0.7)));
     add_sphere(&mut parts, Vec3::new(-0.3, 0.5, -0.6), 0.35, mirror(0.9));
     assert_agreement(&Case {
-        name: "through-a-lens",
+        name: "through-a-lens".into(),
         parts,
         samples_per_pixel: 512,
         photons: 2_000_000,
@@ -227,7 +227,7 @@ fn spot_and_mirrors() {
     let panel = quad(Vec3::new(0.99, 0.3, 0.6), Vec3::Y * 1.2, Vec3::Z * -1.2);
     add_mesh(&mut parts, panel, mirror(0.8));
     assert_agreement(&Case {
-        name: "spot-and-mirrors",
+        name: "spot-and-mirrors".into(),
         parts,
         samples_per_pixel: 256,
         photons: 2_000_000,
@@ -240,7 +240,7 @@ fn spot_and_mirrors() {
 #[test]
 fn rough_surfaces() {
     assert_agreement(&Case {
-        name: "rough",
+        name: "rough".into(),
         parts: from_file("tests/rough"),
         samples_per_pixel: 512,
         photons: 3_000_000,
@@ -267,7 +267,7 @@ fn smooth_meshes() {
     );
     add_mesh(&mut parts, smooth_ball(Vec3::new(0.5, 0.35, 0.4), 0.3, 4), gold());
     assert_agreement(&Case {
-        name: "smooth-meshes",
+        name: "smooth-meshes".into(),
         parts,
         samples_per_pixel: 256,
         photons: 2_000_000,

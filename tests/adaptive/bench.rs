@@ -21,11 +21,11 @@ impl Bench {
         Self::of_files(&[("scene.toml", scene)], photons)
     }
 
-    /// Of a scene file and what it names.
+    /// Of a scene file, which comes first, and what it names.
     pub(super) fn of_files(files: &[(&str, &str)], photons: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
-        let scene = folder.path().join("scene.toml");
+        let scene = folder.path().join(files[0].0);
         Self::new(folder, scene, photons)
     }
 

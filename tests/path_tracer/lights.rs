@@ -167,7 +167,7 @@ impl<'a> Lights<'a> {
         })
     }
 
-    /// What arrives of light from a direction: all or nothing, but for the medium around.
+    /// What arrives of light from a direction: all or nothing, but for masks and the medium around.
     fn visibility(
         &self,
         at: &Vertex<'_>,
@@ -179,11 +179,17 @@ impl<'a> Lights<'a> {
         let medium = if passes { at.front.then_some(at.material) } else { medium };
         let dir = dir.as_vec3a().normalize();
         // Ends before the light's own surface.
-        let end = (distance * (1.0 - 1e-5)) as f32;
-        if self.scene.accel.occluded(&Ray::new(at.surface.leave(dir), dir, end)) {
-            return DVec3::ZERO;
+        let end = distance * (1.0 - 1e-5);
+        let (mut origin, mut gone, mut passing) = (at.surface.leave(dir), 0.0, 1.0);
+        while let ray = Ray::new(origin, dir, (end - gone).max(0.0) as f32)
+            && let Some(hit) = self.scene.accel.closest_hit(&ray)
+            && passing > 0.0
+        {
+            let surface = self.scene.accel.surface(&ray, &hit);
+            passing *= 1.0 - f64::from(self.scene.opacity(&surface));
+            (origin, gone) = (surface.leave(dir), gone + f64::from(hit.t));
         }
-        optics::transmittance(medium, distance)
+        optics::transmittance(medium, distance) * passing
     }
 }
 

@@ -37,6 +37,10 @@ fn specular_frame(at: &Vertex<'_>) -> (DVec3, DVec3) {
             }
             (n, DVec3::splat(dielectric_reflectance(n.dot(at.w_o), eta)))
         }
+        Specular::Coat(coat) => {
+            let f = dielectric_reflectance(n.dot(at.w_o), f64::from(coat.ior()));
+            (n, color(coat.reflectance()) * f)
+        }
         Specular::Pane { ior } => {
             // The sum of a geometric series: each pass from face to face and back leaves f^2.
             let f = dielectric_reflectance(n.dot(at.w_o), f64::from(ior));

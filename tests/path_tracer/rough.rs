@@ -1,4 +1,4 @@
-//! Rough mirrors, metals and glass: microfacets as Walter, Marschner, Li and Torrance have published them in 2007, in terms
+//! Rough mirrors, metals, glass and coats: microfacets as Walter, Marschner, Li and Torrance have published them in 2007, in terms
 //! of angles; those in view are sampled as in Heitz 2018, "Sampling the GGX Distribution of Visible Normals".
 
 use std::f64::consts::PI;
@@ -24,7 +24,8 @@ pub(super) fn bounce(at: &Vertex<'_>, random: &mut Random) -> Option<RoughBounce
     let n = normal(at);
     let alpha = f64::from(at.material.roughness).powi(2);
     let tangent = n.any_orthonormal_vector();
-    let facet = visible_facet([tangent, n.cross(tangent), n], at.w_o, alpha, random);
+    let u = [random.uniform(), random.uniform()];
+    let facet = visible_facet([tangent, n.cross(tangent), n], at.w_o, alpha, u);
     let cos = facet.dot(at.w_o);
     if cos <= 0.0 {
         return None;
@@ -52,13 +53,13 @@ pub(super) fn bounce(at: &Vertex<'_>, random: &mut Random) -> Option<RoughBounce
 
 /// The facet under a random point of the surface as it is seen: stretched so that the surface is a hemisphere, its outline
 /// is half a disc and half an ellipse.
-fn visible_facet(axes: [DVec3; 3], w_o: DVec3, alpha: f64, random: &mut Random) -> DVec3 {
+pub(super) fn visible_facet(axes: [DVec3; 3], w_o: DVec3, alpha: f64, u: [f64; 2]) -> DVec3 {
     let [x, y, z] = axes.map(|axis| axis.dot(w_o));
     let view = DVec3::new(alpha * x, alpha * y, z).normalize();
     let across = DVec3::new(-view.y, view.x, 0.0).normalize_or(DVec3::X);
     let up = view.cross(across);
-    let r = random.uniform().sqrt();
-    let (sin, cos) = (2.0 * PI * random.uniform()).sin_cos();
+    let r = u[0].sqrt();
+    let (sin, cos) = (2.0 * PI * u[1]).sin_cos();
     let t1 = r * cos;
     let s = 0.5 * (1.0 + view.z);
     let t2 = (1.0 - s) * (1.0 - t1 * t1).sqrt() + s * r * sin;
@@ -89,11 +90,9 @@ pub(super) fn value(at: &Vertex<'_>, dir: DVec3) -> Option<(DVec3, f64, f64)> {
     if cos_facet <= 0.0 || facet_o <= 0.0 || (facet_i > 0.0) != reflects {
         return None;
     }
-    let tan2 = |cos: f64| (1.0 - cos * cos).max(0.0) / (cos * cos);
     // Eqs. (33) and (34).
     let d = alpha * alpha / (PI * cos_facet.powi(4) * (alpha * alpha + tan2(cos_facet)).powi(2));
-    let hidden = |cos: f64| 2.0 / (1.0 + (1.0 + alpha * alpha * tan2(cos)).sqrt());
-    let g = hidden(cos_o) * hidden(cos_i);
+    let g = hidden(alpha, cos_o) * hidden(alpha, cos_i);
     // Eqs. (13), (14) and (17).
     let jacobian = if reflects {
         1.0 / (4.0 * facet_i)
@@ -112,12 +111,25 @@ pub(super) fn value(at: &Vertex<'_>, dir: DVec3) -> Option<(DVec3, f64, f64)> {
             let channel = |i: usize| conductor_reflectance(facet_o, eta[i], k[i]);
             (DVec3::new(channel(0), channel(1), channel(2)), 1.0)
         }
+        (Specular::Coat(coat), _) => {
+            let f = dielectric_reflectance(facet_o, f64::from(coat.ior()));
+            (color(coat.reflectance()) * f, 1.0)
+        }
         _ => return None,
     };
     // Eqs. (20) and (21), times the cosine; the first without the jacobian in it.
     let value = reflectance * (facet_o * g * d * jacobian / cos_o);
-    let pdf = chance * hidden(cos_o) * facet_o * d / cos_o * jacobian;
+    let pdf = chance * hidden(alpha, cos_o) * facet_o * d / cos_o * jacobian;
     (pdf > 0.0).then_some((value, pdf, 1.0 / (eta * eta)))
+}
+
+/// The part of the facets turned to a direction at a cosine that others leave free.
+pub(super) fn hidden(alpha: f64, cos: f64) -> f64 {
+    2.0 / (1.0 + (1.0 + alpha * alpha * tan2(cos)).sqrt())
+}
+
+fn tan2(cos: f64) -> f64 {
+    (1.0 - cos * cos).max(0.0) / (cos * cos)
 }
 
 /// The normal that tells angles: that for shading, unless it is turned away.

@@ -237,8 +237,8 @@ fn white_furnace() {
         assert!((1.0 - mean - loss).abs() < 0.02 * loss + 1e-3, "roughness {roughness}: {mean}");
     }
     // Of plastic what the coat reflects and what its white base sends back through it are all the light there is, but for
-    // what the facets of the coat lose.
-    for (roughness, loss) in [(0.1, 0.01), (0.5, 0.05), (1.0, 0.2)] {
+    // what the facets of the coat lose on both sides.
+    for (roughness, least) in [(0.1, 0.9), (0.5, 0.6), (1.0, 0.1)] {
         let material = plastic(roughness);
         let Specular::Coat(coat) = material.specular else { panic!("{material:?}") };
         for degrees in [5.0, 40.0, 70.0, 85.0] {
@@ -251,7 +251,7 @@ fn white_furnace() {
                 .sum();
             let total = coat + f64::from(base);
             let what = format!("{total} at {degrees} degrees, roughness {roughness}");
-            assert!(total < 1.01 && total > 1.0 - loss - 0.1 * loss.sqrt(), "{what}");
+            assert!(total < 1.01 && total > least, "{what}");
         }
     }
     // Glass loses on both sides, and least where it is least rough.
