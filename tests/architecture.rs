@@ -3,6 +3,7 @@
 mod manifests;
 mod pages;
 mod sources;
+mod supply;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

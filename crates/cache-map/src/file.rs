@@ -39,6 +39,7 @@ struct Entry {
 pub struct Saved {
     size: ImageSize,
     entries: mapfile::Array<Entry>,
+    file: MapFile,
 }
 
 impl Saved {
@@ -69,8 +70,16 @@ impl Saved {
             Some(i) => {
                 Err(file.corrupt(format!("entry {i} lies outside the picture, or is not a number")))
             }
-            None => Ok(Self { size, entries }),
+            None => Ok(Self { size, entries, file }),
         }
+    }
+
+    /// To be asked when it was adopted, and before anything is shown.
+    ///
+    /// # Errors
+    /// When the file was changed meanwhile.
+    pub fn check_untouched(&self) -> Result<(), Error> {
+        self.file.check_untouched()
     }
 
     /// The size of the picture it was made for.
@@ -253,5 +262,25 @@ mod tests {
             refused.ends_with("is stale: camera changed; make it anew with: do this"),
             "{refused}"
         );
+    }
+
+    #[test]
+    fn the_layout_is_pinned() {
+        let size = ImageSize { width: 3, height: 2 };
+        let pixels = [Pixel { x: 1, y: 0 }, Pixel { x: 2, y: 1 }];
+        let mut made = map(size);
+        for (i, component) in Component::ALL.into_iter().enumerate() {
+            let values = [Rgb::new(i as f32, 0.5, 0.25), Rgb::ONE];
+            made.record(component, &pixels, &values, Origin::Sampled);
+        }
+        made.record(Component::Caustic, &[Pixel { x: 0, y: 0 }], &[Rgb::ONE], Origin::Traced);
+        let golden = include_bytes!("../tests/golden.cache");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.cache");
+        made.save(&path, Existing::Refuse, &inputs(1), "tests 1", "test {file}").unwrap();
+        let is_same = std::fs::read(&path).unwrap() == golden;
+        assert!(is_same, "raise VERSION with any change of layout");
+        std::fs::write(&path, golden).unwrap();
+        Saved::open(&path, &inputs(1), "x").unwrap();
     }
 }

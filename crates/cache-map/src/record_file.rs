@@ -49,12 +49,13 @@ impl<T: Value> Default for Records<T> {
 }
 
 impl RecordSet {
-    /// Opens a file that [`RecordSet::save`] wrote, if it was made from the same inputs. The records are used where they lie.
+    /// Opens a file that [`RecordSet::save`] wrote, if it was made from the same inputs. The records are used where they lie:
+    /// whoever is done with them asks [`MapFile::check_untouched`].
     ///
     /// # Errors
     /// When the file can't be read, is something else, damaged, or made from other inputs: it then names them, and
     /// `remedy`, the command that makes a file of those asked for.
-    pub fn open(path: &Path, inputs: &Inventory, remedy: &str) -> Result<Self, Error> {
+    pub fn open(path: &Path, inputs: &Inventory, remedy: &str) -> Result<(Self, MapFile), Error> {
         let (file, metadata) = MapFile::open::<Metadata>(path, RECORDS_KIND, RECORDS_VERSION)?;
         let Metadata { inventory, views, lights } = metadata;
         if inventory != *inputs {
@@ -68,14 +69,15 @@ impl RecordSet {
             return Err(file.corrupt("its lights are not in order"));
         }
         let visibility = lights.into_iter().map(|l| Ok((l, read(&file, &visibility_name(l))?)));
-        Ok(Self {
+        let set = Self {
             views,
             visibility: visibility.collect::<Result<_, Error>>()?,
             rest: read(&file, "rest")?,
             indirect: read(&file, "indirect")?,
             caustic: read(&file, "caustic")?,
             leaves: read(&file, "leaves")?,
-        })
+        };
+        Ok((set, file))
     }
 
     /// Writes all records, whole or not at all; answers the size of the file in bytes.
@@ -208,7 +210,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.cache");
         let bytes = save(&example(), &path);
-        let opened = RecordSet::open(&path, &inputs(1), "x").unwrap();
+        let (opened, _) = RecordSet::open(&path, &inputs(1), "x").unwrap();
         assert!(opened.indirect.points.is_in_file() && opened.visibility[0].1.values.is_in_file());
         assert_eq!(opened.views, example().views);
         assert_eq!(opened.indirect.at(&point(2).surface), Some((Rgb::new(2.0, 1.0, 0.5), 0.25)));

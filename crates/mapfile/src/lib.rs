@@ -45,6 +45,8 @@
 
 #[cfg(target_endian = "big")]
 compile_error!("maps hold little-endian arrays that are used in place");
+#[cfg(not(target_pointer_width = "64"))]
+compile_error!("maps are used in place, and may be larger than 32 bits can address");
 
 mod array;
 mod codec;

@@ -26,11 +26,12 @@ pub(crate) fn merge(args: &Merge) -> anyhow::Result<()> {
     cli::check_outputs(&outputs, &inputs, args.common.existing())?;
     let pool = args.common.thread_pool()?;
     pool.install(|| {
-        let shards = open(&args.shards, &interrupt)?;
+        let (shards, files) = open(&args.shards, &interrupt)?;
         let load = clock.lap();
         let maps = photon_map::merge(&shards);
         let tree = clock.lap();
         interrupt.check()?;
+        files.iter().try_for_each(MapFile::check_untouched)?;
 
         let command = &shards[0].about.command_of_all;
         let file_bytes = maps.save(&args.output, args.common.existing(), MADE_BY, command)?;
@@ -55,8 +56,11 @@ struct Opened<'a> {
     shard: PhotonShard,
 }
 
-/// All shards of a run, in order.
-fn open(paths: &[PathBuf], interrupt: &Interrupt) -> anyhow::Result<Vec<PhotonShard>> {
+/// All shards of a run, in order, and their files.
+fn open(
+    paths: &[PathBuf],
+    interrupt: &Interrupt,
+) -> anyhow::Result<(Vec<PhotonShard>, Vec<MapFile>)> {
     let mut opened: Vec<Opened<'_>> = Vec::new();
     for path in paths {
         interrupt.check()?;
@@ -78,7 +82,8 @@ fn open(paths: &[PathBuf], interrupt: &Interrupt) -> anyhow::Result<Vec<PhotonSh
         }
     }
     check_all_there(&opened)?;
-    let shards: Vec<PhotonShard> = opened.into_iter().map(|opened| opened.shard).collect();
+    let (shards, files): (Vec<PhotonShard>, Vec<MapFile>) =
+        opened.into_iter().map(|opened| (opened.shard, opened.file)).unzip();
     for class in PhotonClass::ALL {
         let n: u64 = shards.iter().map(|shard| shard.n_photons(class) as u64).sum();
         if n > MOST_PHOTONS {
@@ -88,7 +93,7 @@ fn open(paths: &[PathBuf], interrupt: &Interrupt) -> anyhow::Result<Vec<PhotonSh
             );
         }
     }
-    Ok(shards)
+    Ok((shards, files))
 }
 
 /// Refuses shards of another version of the program: their photons may be others, too.

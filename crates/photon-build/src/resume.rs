@@ -10,6 +10,9 @@ const WORDS: usize = 14;
 /// Bytes of a photon.
 const PHOTON: usize = 26;
 
+/// More rays than any batch needs, and few enough that those of all batches are a number.
+const MOST_RAYS: u64 = 1 << 40;
+
 /// Calls `trace` with a keeper that finds batches in a journal, and keeps them there.
 pub(crate) fn with_keeper<T>(journal: &Journal, trace: impl FnOnce(&Keeper<'_>) -> T) -> T {
     let number = |batch: u64| u32::try_from(batch).ok();
@@ -64,7 +67,10 @@ fn decode(bytes: &[u8], n: u64) -> Option<Traced> {
     let (photons, []) = photons.as_chunks::<PHOTON>() else { return None };
     let lens = [10, 11, 12, 13].map(|i| usize::try_from(words[i]).unwrap_or(usize::MAX));
     let total = lens.into_iter().try_fold(0_usize, usize::checked_add);
-    if account.emitted != n || total != Some(photons.len()) {
+    let ends = [account.absorbed, account.escaped, account.cut];
+    let ended = ends.into_iter().try_fold(0_u64, u64::checked_add);
+    let is_sound = account.emitted == n && ended == Some(n) && account.rays <= MOST_RAYS;
+    if !is_sound || total != Some(photons.len()) {
         return None;
     }
     let all: Vec<Photon> = photons.iter().map(photon).collect();
@@ -86,5 +92,31 @@ fn photon(bytes: &[u8; PHOTON]) -> Photon {
         position: [float(0), float(1), float(2)].into(),
         normal: u16::from_le_bytes([bytes[24], bytes[25]]),
         flux: Rgb::new(float(3), float(4), float(5)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_that_no_batch_can_have_are_not_taken_up() {
+        let photon = Photon { position: [1.0, 2.0, 3.0].into(), normal: 5, flux: Rgb::ONE };
+        let account =
+            Account { emitted: 7, absorbed: 4, escaped: 2, cut: 1, rays: 30, ..Account::default() };
+        let batch =
+            |account: Account| Traced { indirect: vec![photon], account, ..Traced::default() };
+        let bytes = encode(&batch(account));
+        let found = decode(&bytes, 7).unwrap();
+        assert_eq!((found.account.absorbed, &*found.indirect), (4, &[photon][..]));
+        assert!(decode(&bytes, 8).is_none());
+        assert!(decode(&bytes[..bytes.len() - 1], 7).is_none());
+        for forged in [
+            Account { absorbed: 5, ..account },
+            Account { escaped: u64::MAX, ..account },
+            Account { rays: u64::MAX, ..account },
+        ] {
+            assert!(decode(&encode(&batch(forged)), 7).is_none());
+        }
     }
 }

@@ -61,7 +61,11 @@ pub(crate) fn render(
                  with: {remedy}",
                 path.display()
             ),
-            opened => map.adopt(&opened?),
+            opened => {
+                let saved = opened?;
+                map.adopt(&saved);
+                saved.check_untouched()?;
+            }
         }
     }
     let samples =

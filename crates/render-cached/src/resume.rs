@@ -115,6 +115,9 @@ impl Resume {
     }
 }
 
+/// More rays, or photons, than any chunk needs, and few enough that those of all chunks are a number.
+const MOST_WORK: u64 = 1 << 40;
+
 /// A digest of the text at the start of a map, which holds digests of the rest.
 fn digest_of_header(path: &Path) -> anyhow::Result<Fingerprint> {
     let mut start = Vec::new();
@@ -136,7 +139,7 @@ fn encode<T: Piece>((values, counts): &(Vec<T>, Counts)) -> Vec<u8> {
 /// What [`encode`] was given, if that were `n` values. A journal may come from anywhere.
 fn decode<T: Piece>(mut bytes: &[u8], n: usize) -> Option<(Vec<T>, Counts)> {
     let bytes = &mut bytes;
-    let mut count = || Some(u64::from_le_bytes(take(bytes)?));
+    let mut count = || Some(u64::from_le_bytes(take(bytes)?)).filter(|&n| n <= MOST_WORK);
     let counts = Counts {
         eye_rays: count()?,
         specular_rays: count()?,
@@ -264,6 +267,12 @@ mod tests {
         assert_eq!((format!("{found:?}"), of), (format!("{values:?}"), counts));
         for n in [0, 1, 3, 1_000_000] {
             assert!(decode::<(Option<(Components<Rgb>, bool)>, Reason, f32)>(&bytes, n).is_none());
+        }
+        // More than a chunk can come to would overflow the sum.
+        for i in 0..6 {
+            let mut forged = bytes.clone();
+            forged[8 * i + 7] = 1;
+            assert!(decode::<(Option<(Components<Rgb>, bool)>, Reason, f32)>(&forged, 2).is_none());
         }
         for end in 0..bytes.len() {
             assert!(

@@ -10,7 +10,7 @@ fuzz_target!(|data: &[u8]| {
     let path = tetralux_fuzz::file("a.records", &tetralux_fuzz::seal(data));
     let mut inputs = Inventory::new();
     inputs.add("mesh `box`", Fingerprint(1));
-    let Ok(set) = RecordSet::open(&path, &inputs, "x") else { return };
+    let Ok((set, _)) = RecordSet::open(&path, &inputs, "x") else { return };
     let at = SurfacePoint { position: Vec3::new(0.5, 1.0, -2.0), normal: Vec3::Y };
     for records in [&set.rest, &set.indirect, &set.caustic, &set.leaves] {
         std::hint::black_box(records.at(&at));

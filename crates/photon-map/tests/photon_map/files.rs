@@ -3,10 +3,13 @@
 use std::path::Path;
 
 use atomic_file::Existing;
-use base::{Fingerprint, Inventory, PhotonClass, Rgb};
+use base::{Fingerprint, Inventory, Photon, PhotonClass, Rgb, Share};
 use glam::Vec3A;
 use mapfile::{Error, Header, Section};
-use photon_map::{Gather, KIND, Kernel, Metadata, PhotonMaps, PhotonSet, Scratch, VERSION};
+use photon_map::{
+    Gather, KIND, Kernel, Metadata, PhotonMaps, PhotonSet, PhotonShard, Scratch, ShardMetadata,
+    VERSION,
+};
 use serde::Serialize;
 
 use crate::fields::{Field, rng};
@@ -23,6 +26,51 @@ pub(crate) fn maps(indirect: PhotonSet) -> PhotonMaps {
 fn save(maps: &PhotonMaps, path: &Path) -> Vec<u8> {
     maps.save(path, Existing::Replace, "tests 1", "make it anew").expect("the folder is ours");
     std::fs::read(path).expect("it was just written")
+}
+
+/// Three photons, which every version of the layout must hold.
+fn three() -> Vec<Photon> {
+    let photon = |i: u16| Photon {
+        position: [f32::from(i), 0.5, -2.0].into(),
+        normal: 0x1234 + i,
+        flux: Rgb::new(1.0, 0.5, 0.25 * f32::from(i)),
+    };
+    (0..3).map(photon).collect()
+}
+
+/// Checks that a file which was just written is the golden one, and that this can be opened.
+fn assert_golden<T>(path: &Path, golden: &[u8], open: impl Fn(&Path) -> Result<T, Error>) -> T {
+    let is_same = std::fs::read(path).expect("the folder is ours") == golden;
+    assert!(is_same, "raise the version of {} with any change of layout", path.display());
+    std::fs::write(path, golden).expect("the folder is ours");
+    open(path).expect("it is of this version")
+}
+
+#[test]
+fn the_layout_is_pinned() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("golden.photons");
+    let mut made = maps(PhotonSet::build(&three()));
+    (made.direct, made.focused) = (Some(PhotonSet::build(&three())), Some(PhotonSet::build(&[])));
+    save(&made, &path);
+    let (opened, _) = assert_golden(&path, include_bytes!("../golden.photons"), PhotonMaps::open);
+    assert_eq!(opened.indirect.photon(2), made.indirect.photon(2));
+
+    let about = ShardMetadata {
+        share: Share::new(2, 3).unwrap(),
+        metadata: made.metadata,
+        emitted_by_light: vec![600, 400],
+        stores_direct: true,
+        stores_focused: false,
+        aim: 0.25,
+        made_by: "tests 1".into(),
+        command_of_all: "make {file}".into(),
+    };
+    let path = folder.path().join("golden.shard");
+    let photons = [three(), vec![], three(), vec![]];
+    photon_map::save_shard(&path, Existing::Replace, about, photons, "make it anew").unwrap();
+    let (opened, _) = assert_golden(&path, include_bytes!("../golden.shard"), PhotonShard::open);
+    assert_eq!(opened.n_photons(PhotonClass::Indirect), 3);
 }
 
 #[test]

@@ -152,6 +152,7 @@ pub(crate) fn render(
         values.caustic.values_mut()[i] = albedo * caustic.irradiance(i);
         values.specular.values_mut()[i] = specular.radiance(i) + glossy.radiance(i);
     }
+    saved.check_untouched()?;
     if let Some(path) = &args.paper.save_cache {
         let views = saved.set.views;
         let mut set = RecordSet { views, ..RecordSet::default() };

@@ -13,7 +13,7 @@ use cache_map::{
     Lattice, Layer, Nearby, Reason, RecordIndex, RecordPoint, RecordSet, Records, Rule,
     SurfacePoint, Tolerance, Value, refine,
 };
-use mapfile::Error;
+use mapfile::{Error, MapFile};
 
 use super::Account;
 use crate::frame::Frame;
@@ -28,6 +28,7 @@ pub(crate) struct Saved {
     pub(crate) set: RecordSet,
     /// Whether this view is recorded in full, so that only records at the very point count.
     is_same_view: bool,
+    file: Option<MapFile>,
 }
 
 /// The saved records of one quantity.
@@ -51,7 +52,7 @@ impl Saved {
     pub(crate) fn open(args: &Args, frame: &Frame<'_>, inputs: &Inventory) -> anyhow::Result<Self> {
         let Some(path) = &args.paper.from_cache else { return Ok(Self::default()) };
         let remedy = output::cache_command(args, path);
-        let set = match RecordSet::open(path, inputs, &remedy) {
+        let (set, file) = match RecordSet::open(path, inputs, &remedy) {
             Err(Error::OtherKind { path, found, .. }) if found == cache_map::KIND => bail!(
                 "{} was saved in mode paper, which keeps radiance of one view only; render with --mode paper, or \
                  replace it with: {remedy}",
@@ -60,7 +61,15 @@ impl Saved {
             opened => opened?,
         };
         let is_same_view = set.views.contains(&view_of(frame));
-        Ok(Self { set, is_same_view })
+        Ok(Self { set, is_same_view, file: Some(file) })
+    }
+
+    /// To be asked when all was taken from them, and before anything is shown.
+    ///
+    /// # Errors
+    /// When the file was changed meanwhile.
+    pub(crate) fn check_untouched(&self) -> Result<(), Error> {
+        self.file.as_ref().map_or(Ok(()), MapFile::check_untouched)
     }
 
     /// Records that count where they are, and around that if the view is another.

@@ -81,16 +81,22 @@ fn an_end_is_heard_while_a_picture_is_written() {
         assert!(child.try_wait().unwrap().is_none(), "it was written before anybody saw it");
         std::thread::sleep(Duration::from_millis(2));
     }
-    let start = Instant::now();
+    // It waits until the signal is there: on a busy machine it could be done before.
     let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
+    let signal = |name: &str| {
+        assert!(Command::new("kill").args(["-s", name, &id]).status().unwrap().success());
+    };
+    signal("STOP");
+    signal("INT");
+    let start = Instant::now();
+    signal("CONT");
     let output = child.wait_with_output().unwrap();
     let elapsed = start.elapsed();
     assert_eq!(output.status.code(), Some(130));
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.ends_with("render-cached: no picture was written: interrupted\n"), "{said}");
-    // Half a second on a machine with nothing else to do.
-    assert!(elapsed < Duration::from_secs(3), "{elapsed:?}");
+    // Half a second on a machine with nothing else to do; one with much else has its own pace.
+    assert!(elapsed < Duration::from_secs(20), "{elapsed:?}");
     assert!(bench.files() == before);
 }
 
