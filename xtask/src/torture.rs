@@ -2,6 +2,7 @@
 
 mod faults;
 mod loads;
+mod tasks;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,6 +11,7 @@ use std::time::Instant;
 
 use anyhow::{Context, ensure};
 
+use crate::bench::environment::Environment;
 use crate::programs::{self, Programs, root};
 use crate::table::Table;
 
@@ -22,6 +24,12 @@ pub(crate) struct Args {
     /// Renders at once
     #[arg(long, value_name = "N", default_value_t = 64)]
     crowd: u32,
+    /// Make only those trials whose names hold these words
+    #[arg(long, value_name = "WORDS", default_value = "", hide_default_value = true)]
+    only: String,
+    /// Make the trials that take minutes and gigabytes, too
+    #[arg(long)]
+    long: bool,
     /// Keep the table in xtask/runs/NAME
     #[arg(long, value_name = "NAME")]
     record: Option<String>,
@@ -40,7 +48,7 @@ pub(crate) struct Bench {
 /// A load or fault; answers what came of it, or fails.
 type Trial = fn(&Bench) -> anyhow::Result<String>;
 
-const TRIALS: [(&str, Trial); 11] = [
+const TRIALS: [(&str, Trial); 17] = [
     ("runs killed at random moments, and resumed", faults::kills),
     ("Ctrl-C at random moments", faults::interrupts),
     ("photon maps shortened while a picture is rendered", faults::shortened),
@@ -48,11 +56,21 @@ const TRIALS: [(&str, Trial); 11] = [
     ("two runs with one output", faults::two_writers),
     ("photon maps replaced while pictures are rendered", faults::replaced),
     ("an output that is read slowly, standard error closed", faults::slow_and_closed),
+    ("tasks of a farm on nodes that are lost", tasks::lost_nodes),
+    ("tasks of a farm that run twice at once", tasks::twice),
+    ("tasks of a farm while clocks jump", tasks::clocks),
+    ("tasks of a farm on a slow disk", tasks::slow_disk),
+    ("merging and tiles within limits of memory", tasks::memory),
+    ("what checkpoints cost", loads::checkpoints),
     ("many renders at once on one map, each within 2 GB of addresses", loads::crowd),
     ("10,000 lights and 1,000 materials", loads::lights),
     ("pictures of 1,000,000 x 1 and 1 x 1,000,000 pixels", loads::long_pictures),
     ("1 to 256 threads", loads::threads),
 ];
+
+/// Those that [`Args::long`] adds.
+const LONG: [(&str, Trial); 1] =
+    [("a map of 100M photons, within 4 GB of addresses", loads::hundred_million)];
 
 /// Builds the programs, makes every trial, and writes the table.
 ///
@@ -70,7 +88,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
     let mut table = Table::new("Loads and faults", ["what was done", "what came of it", "seconds"]);
     let mut n_failed = 0;
-    for (name, trial) in TRIALS {
+    let long = LONG.into_iter().filter(|_| args.long);
+    let wanted = TRIALS.into_iter().chain(long).filter(|(name, _)| name.contains(&args.only));
+    let mut n_trials = 0;
+    for (name, trial) in wanted {
+        n_trials += 1;
         eprintln!("{name} ...");
         let start = Instant::now();
         let outcome = trial(&bench).unwrap_or_else(|error| {
@@ -81,7 +103,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let seconds = format!("{:.0}", start.elapsed().as_secs_f64());
         table.push(name, [outcome, seconds]);
     }
-    let page = table.to_markdown();
+    let environment = Environment::here(command(args))?;
+    let page = format!("{}\n\n{}", environment.list().trim_end(), table.to_markdown());
     println!("{page}");
     fs::write(bench.folder.join("README.md"), &page).context("cannot write the table")?;
     if let Some(name) = &args.record {
@@ -89,8 +112,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         fs::create_dir_all(&run).context("cannot make the folder of the run")?;
         fs::write(run.join("torture.md"), &page).context("cannot write the table")?;
     }
-    ensure!(n_failed == 0, "{n_failed} of {} trials failed", TRIALS.len());
+    ensure!(n_failed == 0, "{n_failed} of {n_trials} trials failed");
     Ok(())
+}
+
+/// The command that makes this run.
+fn command(args: &Args) -> String {
+    let mut words = vec!["cargo xtask torture".to_owned()];
+    words.push(format!("--kills {} --crowd {}", args.kills, args.crowd));
+    words.extend((!args.only.is_empty()).then(|| format!("--only '{}'", args.only)));
+    words.extend(args.long.then(|| "--long".into()));
+    words.join(" ")
 }
 
 /// What every render of the trials asks for.

@@ -86,3 +86,76 @@ pub(super) fn threads(bench: &Bench) -> anyhow::Result<String> {
     }
     Ok(format!("{counts:?} threads make the same bytes in every mode"))
 }
+
+/// CPU seconds of renders with a checkpoint every second against those without, in pairs.
+pub(super) fn checkpoints(bench: &Bench) -> anyhow::Result<String> {
+    const PAIRS: usize = 9;
+    let seconds = |options: &str| -> anyhow::Result<f64> {
+        let args = format!(
+            "SCENE --photons a.photons --mode original --resolution 640x640 {options} -q --force -o c.exr --stats c.json"
+        );
+        bench.sound("render-cached", &args)?;
+        let stats: serde_json::Value = serde_json::from_slice(&bench.read("c.json")?)?;
+        stats["cpu_seconds"]["total"].as_f64().context("no CPU seconds are told")
+    };
+    let mut ratios = Vec::new();
+    for i in 0..PAIRS {
+        // Each goes first in turn: the machine may get slower.
+        let (with, without) = if i % 2 == 0 {
+            let with = seconds("--checkpoint 1")?;
+            (with, seconds("--checkpoint 0")?)
+        } else {
+            let without = seconds("--checkpoint 0")?;
+            (seconds("--checkpoint 1")?, without)
+        };
+        ratios.push(with / without);
+    }
+    ratios.sort_by(f64::total_cmp);
+    let percent = |ratio: f64| 100.0 * (ratio - 1.0);
+    let median = percent(ratios[PAIRS / 2]);
+    ensure!(median < 2.0, "they cost {median:.1} % of the CPU seconds");
+    Ok(format!(
+        "one a second: {median:+.1} % CPU seconds, the median of {PAIRS} pairs ({:+.1} to {:+.1} %)",
+        percent(ratios[0]),
+        percent(ratios[PAIRS - 1])
+    ))
+}
+
+/// Shards one after the other, merged, then opened and rendered under the limit.
+pub(super) fn hundred_million(bench: &Bench) -> anyhow::Result<String> {
+    const SHARDS: u32 = 16;
+    let mut names = Vec::new();
+    for i in 1..=SHARDS {
+        let name = format!("h{i}.shard");
+        let args =
+            format!("SCENE --photons 64M -q --force --checkpoint 0 --shard {i}/{SHARDS} -o {name}");
+        bench.sound("photon-build", &args)?;
+        names.push(name);
+    }
+    let merge = format!("merge {} -q --force -o h.photons --stats h.json", names.join(" "));
+    bench.sound("photon-build", &merge)?;
+    remove(bench, &names.iter().map(String::as_str).collect::<Vec<_>>());
+    let stats: serde_json::Value = serde_json::from_slice(&bench.read("h.json")?)?;
+    let stored = stats["stored"].as_object().context("no photons are told")?;
+    let n: u64 = stored.values().filter_map(serde_json::Value::as_u64).sum();
+    ensure!(n >= 100_000_000, "only {n} photons were stored");
+    let mut told = Vec::new();
+    for mode in ["original", "paper", "adaptive"] {
+        let args = format!(
+            "SCENE --photons h.photons --resolution 128x128 --mode {mode} -t 2 -q --force -o h.exr --stats h.json"
+        );
+        let output = bench.command("ulimit -v 4000000;", "render-cached", &args).output();
+        let output = output.context("cannot run render-cached")?;
+        ensure!(output.status.success(), "{}", words(&output));
+        let stats: serde_json::Value = serde_json::from_slice(&bench.read("h.json")?)?;
+        told.push(format!("{mode} {:.1} s", stats["seconds"]["total"].as_f64().unwrap_or(0.0)));
+    }
+    let bytes = fs::metadata(bench.path("h.photons")).context("the maps are gone")?.len();
+    remove(bench, &["h.photons", "h.exr"]);
+    Ok(format!(
+        "{:.0}M photons in {:.1} GB, rendered at 128x128: {}",
+        n as f64 / 1e6,
+        bytes as f64 / 1e9,
+        told.join(", ")
+    ))
+}
