@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use base::{ImageSize, Photon, Ray, Rng, Stream, warp};
+use base::{ImageSize, Photon, Ray, Rgb, Rng, Stream, warp};
+use cache_map::Rule;
 use glam::{Vec2, Vec3A};
 use photon_map::{Gather, Kernel, PhotonSet, Scratch};
 use photon_trace::{Budget, Config, trace};
@@ -211,5 +212,20 @@ impl Field {
             radii.sort_by(f32::total_cmp);
             radii[radii.len() / 2]
         })
+    }
+}
+
+/// All pixels matter alike.
+pub(crate) struct Even;
+
+impl Rule<Rgb> for Even {
+    fn gain(&self, _: usize) -> f32 {
+        1.0
+    }
+    fn reference(&self, _: usize, _: Rgb) -> f32 {
+        1.0
+    }
+    fn spacing(&self, _: usize) -> u32 {
+        16
     }
 }

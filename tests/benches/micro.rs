@@ -3,23 +3,26 @@
 //! `cargo xtask bench micro [FILTER]` runs them and reads what criterion keeps: the name of a group ends with what is
 //! counted, in brackets, and what another library does has its name after a comma. Scenes and photons are made when the
 //! first benchmark asks for them.
+//!
+//! `micro count` names the loops whose instructions are counted, and `micro count LOOP N` runs one: see `counts.rs`.
 
+mod counts;
 mod fields;
 mod outside;
 mod peer;
 
 use std::cell::LazyCell;
 use std::hint::black_box;
-use std::iter;
 use std::path::Path;
+use std::process::ExitCode;
 use std::sync::LazyLock;
 use std::time::Duration;
+use std::{env, iter};
 
 use atomic_file::Existing;
 use base::{Component, Grid, Photon, Ray, Rgb};
 use cache_map::{
-    CacheMap, Lattice, Layer, Origin, Rule, SurfacePoint, Thresholds, Tolerance, choose_pixels,
-    refine,
+    CacheMap, Lattice, Layer, Origin, SurfacePoint, Thresholds, Tolerance, choose_pixels, refine,
 };
 use criterion::measurement::WallTime;
 use criterion::{BatchSize, BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput};
@@ -28,7 +31,9 @@ use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet, Scratch};
 use photon_trace::{Budget, Config, trace};
 use scene::Scene;
 
-use crate::fields::{Field, N_GATHERS, N_RAYS, Order, Point, SIDE, occlusion_rays, rays, scene};
+use crate::fields::{
+    Even, Field, N_GATHERS, N_RAYS, Order, Point, SIDE, occlusion_rays, rays, scene,
+};
 use crate::outside::Program;
 
 static RABBIT: LazyLock<Scene> = LazyLock::new(|| scene("rabbit"));
@@ -38,15 +43,19 @@ const SIZES: [&str; 2] = ["1 M", "4 M"];
 static FIELDS: [LazyLock<Field>; 2] =
     [LazyLock::new(|| Field::new(&BOX, 1_000_000)), LazyLock::new(|| Field::new(&BOX, 4_000_000))];
 
-fn main() {
+fn main() -> ExitCode {
+    // Rates are those of one thread.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+    pool.build_global().expect("nothing has used the pool yet");
+    let args: Vec<String> = env::args().skip(1).collect();
+    if args.first().is_some_and(|word| word == "count") {
+        return count(&args[1..]);
+    }
     let mut criterion = Criterion::default()
         .warm_up_time(Duration::from_millis(500))
         .measurement_time(Duration::from_secs(2))
         .sample_size(10)
         .configure_from_args();
-    // Rates are those of one thread.
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
-    pool.build_global().expect("nothing has used the pool yet");
     bvh(&mut criterion);
     photon_tracing(&mut criterion);
     trees(&mut criterion);
@@ -54,6 +63,18 @@ fn main() {
     interpolation(&mut criterion);
     map_open(&mut criterion);
     criterion.final_summary();
+    ExitCode::SUCCESS
+}
+
+/// Names the loops, or runs one: wrong usage is 2.
+#[expect(clippy::print_stdout, reason = "the names are what is asked for")]
+fn count(args: &[String]) -> ExitCode {
+    match args {
+        [] => counts::names().for_each(|name| println!("{name}")),
+        [name, n] if n.parse().is_ok_and(|n| counts::run(name, n)) => {}
+        _ => return ExitCode::from(2),
+    }
+    ExitCode::SUCCESS
 }
 
 /// A group whose iterations each do `n` of what is counted.
@@ -302,21 +323,6 @@ fn interpolation(criterion: &mut Criterion) {
             refine(&lattice, &mut layer, 16, &Even, tolerance, ones).map(|()| layer)
         });
     });
-}
-
-/// All pixels matter alike.
-struct Even;
-
-impl Rule<Rgb> for Even {
-    fn gain(&self, _: usize) -> f32 {
-        1.0
-    }
-    fn reference(&self, _: usize, _: Rgb) -> f32 {
-        1.0
-    }
-    fn spacing(&self, _: usize) -> u32 {
-        16
-    }
 }
 
 fn surface_point(point: Option<Point>) -> Option<SurfacePoint> {

@@ -2,6 +2,7 @@
 
 mod against;
 mod bars;
+mod counts;
 pub(crate) mod environment;
 mod figures;
 mod gallery;
@@ -84,6 +85,7 @@ pub(crate) struct Args {
 
 #[derive(clap::Subcommand, Debug)]
 enum Command {
+    Counts(counts::Args),
     Micro(micro::Args),
     Readme(readme::Args),
 }
@@ -94,6 +96,7 @@ enum Command {
 /// When a program can't be built or fails, or when runs contradict each other.
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     match &args.command {
+        Some(Command::Counts(args)) => return counts::run(args),
         Some(Command::Micro(args)) => return micro::run(args),
         Some(Command::Readme(args)) => return readme::run(args),
         None => {}

@@ -44,21 +44,38 @@ pub(crate) fn parse_count_text(text: &str) -> Result<String, String> {
 /// # Errors
 /// When cargo can't be run, or the build fails.
 pub(crate) fn build() -> anyhow::Result<Programs> {
+    let args = ["build", "--release", "--package", "photon-build", "--package", "render-cached"];
+    let messages = cargo(&args)?;
+    let find = |name: &str| built(&messages, name);
+    Ok(Programs { photon_build: find("photon-build")?, render_cached: find("render-cached")? })
+}
+
+/// Builds a benchmark of the package of tests.
+///
+/// # Errors
+/// As [`build`].
+pub(crate) fn build_bench(name: &str) -> anyhow::Result<PathBuf> {
+    let messages = cargo(&["bench", "--no-run", "--package", "pipeline-tests", "--bench", name])?;
+    built(&messages, name)
+}
+
+/// What cargo says of a build.
+fn cargo(args: &[&str]) -> anyhow::Result<String> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
-        .args(["build", "--release", "--package", "photon-build", "--package", "render-cached"])
+        .args(args)
         .arg("--message-format=json-render-diagnostics")
         .current_dir(root())
         .stderr(Stdio::inherit())
         .output()
         .context("cannot run cargo")?;
-    ensure!(output.status.success(), "the programs do not build; cargo says why above");
-    let messages = String::from_utf8_lossy(&output.stdout);
-    let find = |name: &str| {
-        let path = messages.lines().find_map(|line| executable(line, name));
-        path.with_context(|| format!("cargo has built no program {name}"))
-    };
-    Ok(Programs { photon_build: find("photon-build")?, render_cached: find("render-cached")? })
+    ensure!(output.status.success(), "it does not build; cargo says why above");
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+fn built(messages: &str, name: &str) -> anyhow::Result<PathBuf> {
+    let path = messages.lines().find_map(|line| executable(line, name));
+    path.with_context(|| format!("cargo has built no program {name}"))
 }
 
 /// The program of that name, if this message of cargo tells of it.
