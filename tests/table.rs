@@ -2,9 +2,6 @@
 //!
 //! Three objects stand on a floor before a wall. Those that mirror sharply are kept in the shadow of lights which have no
 //! extent, since the path tracer couldn't follow such light any further.
-//!
-//! The suite renders one scene for each light, so that every group comes three times. All of them: `cargo test -p
-//! pipeline-tests table -- --include-ignored`.
 
 use base::Rgb;
 use geometry::Mesh;
@@ -238,63 +235,54 @@ fn an_image() {
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn quads_on_the_rest() {
     check(Lamp::Quad, Group::Broad);
     check(Lamp::Quad, Group::Sharp);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn spheres_on_the_rest() {
     check(Lamp::Sphere, Group::Broad);
     check(Lamp::Sphere, Group::Passing);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn textured_quads_on_the_rest() {
     check(Lamp::TexturedQuad, Group::Sharp);
     check(Lamp::TexturedQuad, Group::Passing);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn textured_spheres_on_the_rest() {
     check(Lamp::TexturedSphere, Group::Broad);
     check(Lamp::TexturedSphere, Group::Sharp);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn points_on_the_rest() {
     check(Lamp::Point, Group::Sharp);
     check(Lamp::Point, Group::Passing);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn spots_on_the_rest() {
     check(Lamp::Spot, Group::Broad);
     check(Lamp::Spot, Group::Passing);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn suns_on_the_rest() {
     check(Lamp::Sun, Group::Broad);
     check(Lamp::Sun, Group::Sharp);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn skies_on_the_rest() {
     check(Lamp::Sky, Group::Sharp);
     check(Lamp::Sky, Group::Passing);
 }
 
 #[test]
-#[ignore = "one scene for each light is enough for every day"]
 fn images_on_the_rest() {
     check(Lamp::Image, Group::Broad);
     check(Lamp::Image, Group::Passing);

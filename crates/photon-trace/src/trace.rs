@@ -310,10 +310,13 @@ impl<'a> Emitter<'a> {
             let facing = surface.facing(w_o);
             let gain = facing.shading_gain(w_o) * material.passage(facing.shading_normal.dot(w_o));
             if material.is_diffuse() {
+                // Estimates divide by the area of the whole surface, and this part of it is there: those that land are
+                // all that arrive.
+                let part = if material.is_masked() { self.scene.opacity(&surface) } else { 1.0 };
                 let photon = Photon {
                     position: surface.position.into(),
                     normal: encode_octahedral(facing.geometric_normal),
-                    flux: flux * gain,
+                    flux: flux * (gain / part),
                 };
                 match class {
                     _ if gain == 0.0 => {}

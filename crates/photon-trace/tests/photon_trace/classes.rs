@@ -129,3 +129,24 @@ fn what_a_black_surface_gets_is_not_stored() {
     assert_eq!(counts(&traced, |_| true), [0; 3]);
     assert!(traced.account.absorbed > 0);
 }
+
+/// What is there in part gets the irradiance of what is there, and lets the rest of the light through.
+#[test]
+fn photons_on_a_thin_sheet_are_its_irradiance() {
+    const N: u64 = 20_000;
+    for opacity in [0.3, 0.8] {
+        let mut world = World::new();
+        let (sheet, floor) = (world.thin(Rgb::splat(0.5), opacity), world.diffuse(Rgb::ONE));
+        let square = |world: World, z: f32, material| {
+            world.quad(Vec3::new(-1.0, -1.0, z), 2.0 * Vec3::X, 2.0 * Vec3::Y, material)
+        };
+        let scene = square(square(world, 0.0, floor), 1.0, sheet).beam().assemble();
+        let traced = trace(&scene, N, 1);
+        let on = |z: f32| traced.direct.iter().filter(move |p| (p.position.z - z).abs() < 1e-3);
+        let irradiance = |z: f32| flux(on(z))[1] / 4.0;
+        let (above, below) = (irradiance(1.0), irradiance(0.0));
+        assert!((above - 1.0).abs() < 0.03, "{above} on the sheet of {opacity}");
+        assert!((below / f64::from(1.0 - opacity) - 1.0).abs() < 0.04, "{below} below {opacity}");
+        assert!(on(1.0).count() < on(0.0).count() * 5, "only those that land are stored");
+    }
+}

@@ -36,6 +36,13 @@ impl World {
         self.material(albedo, Specular::None, Rgb::BLACK)
     }
 
+    /// Diffuse, and there in part only.
+    pub(crate) fn thin(&mut self, albedo: Rgb, opacity: f32) -> MaterialId {
+        let id = self.diffuse(albedo);
+        self.materials[usize::from(id.0)].opacity = opacity;
+        id
+    }
+
     pub(crate) fn glowing(&mut self, albedo: Rgb, emission: Rgb) -> MaterialId {
         self.material(albedo, Specular::None, emission)
     }
