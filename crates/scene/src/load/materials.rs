@@ -14,7 +14,7 @@ pub(super) const IOR_RANGE: std::ops::RangeInclusive<f32> = 0.1..=10.0;
 
 /// The complex index of refraction of metals at 650, 550 and 450 nm, from measurements collected at refractiveindex.info
 /// (the choice of wavelengths is that of Chaos Group 2016, "Understanding Metalness").
-pub(super) const METALS: [(&str, [f32; 3], [f32; 3]); 7] = [
+const METALS: [(&str, [f32; 3], [f32; 3]); 7] = [
     ("aluminium", [1.3456, 0.96521, 0.61722], [7.4746, 6.3995, 5.3031]),
     ("chromium", [3.1071, 3.1812, 2.3230], [3.3314, 3.3291, 3.1350]),
     ("copper", [0.27105, 0.67693, 1.3164], [3.6092, 2.6248, 2.2921]),

@@ -9,12 +9,17 @@ use super::textures::texture;
 use super::xml::Element;
 use super::{Context, MAX_REFERENCES, bits};
 use crate::load::keys::list;
-use crate::load::materials::{IOR_RANGE, METALS};
+use crate::load::materials::IOR_RANGE;
 use crate::{Coat, Error, LEAST_ROUGHNESS, Material, Specular, TextureId};
 
-/// Mitsuba's names of metals, and ours.
-const CONDUCTORS: [(&str, &str); 5] =
-    [("Ag", "silver"), ("Al", "aluminium"), ("Au", "gold"), ("Cr", "chromium"), ("Cu", "copper")];
+/// Mitsuba's names of metals, with eta and k as it reduces its measurements to red, green and blue (version 3.9).
+const CONDUCTORS: [(&str, [f32; 3], [f32; 3]); 5] = [
+    ("Ag", [0.155276, 0.116728, 0.138388], [4.82835, 3.12222, 2.1469]),
+    ("Al", [1.6575, 0.880405, 0.521244], [9.22381, 6.2695, 4.837]),
+    ("Au", [0.143036, 0.375307, 1.44205], [3.983, 2.38556, 1.60336]),
+    ("Cr", [4.36967, 2.91651, 1.6549], [5.20655, 4.23131, 3.7547]),
+    ("Cu", [0.201005, 0.92375, 1.10222], [3.91326, 2.45305, 2.14209]),
+];
 
 /// Mitsuba's names of dielectrics, with their indices of refraction.
 const DIELECTRICS: [(&str, f64); 20] = [
@@ -388,9 +393,7 @@ fn conductor<'d>(context: &mut Context<'d>, plugin: &Plugin<'d>) -> Result<Specu
         }
         (None, None, material) => {
             let material = material.unwrap_or("Cu");
-            let known = CONDUCTORS.iter().find(|(theirs, _)| *theirs == material);
-            let metal = known.and_then(|(_, ours)| METALS.iter().find(|(name, ..)| name == ours));
-            match metal {
+            match CONDUCTORS.iter().find(|(name, ..)| *name == material) {
                 Some(&(_, eta, k)) => Ok(Specular::Metal { eta: eta.into(), k: k.into() }),
                 None => fault(
                     context,
