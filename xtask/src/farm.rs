@@ -28,9 +28,9 @@ pub(crate) struct Args {
     /// Tasks that the pixels are shared among
     #[arg(long, value_name = "N", default_value_t = 16)]
     tiles: u32,
-    /// Which pixels are computed, as render-cached has it
-    #[arg(long, default_value = "original")]
-    mode: String,
+    /// Which pixels are computed, as render-cached has it: a job for each mode
+    #[arg(long, value_name = "MODE", default_values = ["original", "adaptive"])]
+    mode: Vec<String>,
 }
 
 /// What runs jobs.
@@ -77,35 +77,41 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         fs::remove_dir_all(&folder)
             .with_context(|| format!("cannot empty {}", folder.display()))?;
     }
-    let job = Job {
-        programs,
-        scene: root().join(SCENE),
-        folder,
-        photons: args.photons.clone(),
-        shards: args.shards,
-        resolution: format!("{0}x{0}", args.size),
-        tiles: args.tiles,
-        mode: args.mode.clone(),
-    };
-    fs::create_dir_all(&job.folder)
-        .with_context(|| format!("cannot make {}", job.folder.display()))?;
-    match args.engine {
-        Engine::Openjd => openjd::run(&openjd::find_or_install()?, &job)?,
+    let engine: Box<dyn Fn(&Job) -> anyhow::Result<()>> = match args.engine {
+        Engine::Openjd => {
+            let openjd = openjd::find_or_install()?;
+            Box::new(move |job| openjd::run(&openjd, job))
+        }
         Engine::Slurm => {
             ensure!(
                 slurm::is_there(),
                 "no Slurm answers here; xtask/farm/slurm/one-node.sh starts one"
             );
-            slurm::run(&job, 2)?;
+            Box::new(|job| slurm::run(job, 2))
         }
+    };
+    for mode in &args.mode {
+        let job = Job {
+            programs: programs.clone(),
+            scene: root().join(SCENE),
+            folder: folder.join(mode),
+            photons: args.photons.clone(),
+            shards: args.shards,
+            resolution: format!("{0}x{0}", args.size),
+            tiles: args.tiles,
+            mode: mode.clone(),
+        };
+        fs::create_dir_all(&job.folder)
+            .with_context(|| format!("cannot make {}", job.folder.display()))?;
+        engine(&job)?;
+        compare(&job)?;
+        println!(
+            "{mode}: {} shards and {} tiles have made the bytes of one run: {}",
+            job.shards,
+            job.tiles,
+            programs::from_root(&job.file("exr")).display()
+        );
     }
-    compare(&job)?;
-    println!(
-        "{} shards and {} tiles have made the bytes of one run: {}",
-        job.shards,
-        job.tiles,
-        programs::from_root(&job.file("exr")).display()
-    );
     Ok(())
 }
 
@@ -150,7 +156,7 @@ mod tests {
     use super::*;
 
     /// A small job in a folder of its own, if the programs were built with the tests.
-    pub(super) fn small(folder: &Path) -> Option<Job> {
+    pub(super) fn small(folder: &Path, mode: &str) -> Option<Job> {
         // Tests are built in a folder below the programs.
         let test = std::env::current_exe().unwrap();
         let programs = test.parent().unwrap().parent().unwrap();
@@ -169,7 +175,7 @@ mod tests {
             shards: 3,
             resolution: "128x128".into(),
             tiles: 4,
-            mode: "original".into(),
+            mode: mode.into(),
         })
     }
 
@@ -179,16 +185,18 @@ mod tests {
             println!("skipped: there is no openjd; .ci/run installs it in target/openjd");
             return;
         };
-        let folder = tempfile::tempdir().unwrap();
-        let Some(job) = small(folder.path()) else { return };
-        openjd::run(&openjd, &job).unwrap();
-        compare(&job).unwrap();
+        for mode in ["original", "adaptive"] {
+            let folder = tempfile::tempdir().unwrap();
+            let Some(job) = small(folder.path(), mode) else { return };
+            openjd::run(&openjd, &job).unwrap();
+            compare(&job).unwrap();
 
-        // An element that is done again changes nothing; one that was lost is made again.
-        let picture = fs::read(job.file("exr")).unwrap();
-        fs::remove_file(folder.path().join("picture-2-of-4.part.exr")).unwrap();
-        openjd::run(&openjd, &job).unwrap();
-        assert!(fs::read(job.file("exr")).unwrap() == picture);
+            // An element that is done again changes nothing; one that was lost is made again.
+            let picture = fs::read(job.file("exr")).unwrap();
+            fs::remove_file(folder.path().join("picture-2-of-4.part.exr")).unwrap();
+            openjd::run(&openjd, &job).unwrap();
+            assert!(fs::read(job.file("exr")).unwrap() == picture, "{mode}");
+        }
     }
 
     #[test]
@@ -197,18 +205,20 @@ mod tests {
             println!("skipped: no Slurm answers here; see xtask/farm/slurm/one-node.sh");
             return;
         }
-        let folder = tempfile::tempdir().unwrap();
-        let Some(job) = small(folder.path()) else { return };
-        slurm::run(&job, 0).unwrap();
-        compare(&job).unwrap();
+        for mode in ["original", "adaptive"] {
+            let folder = tempfile::tempdir().unwrap();
+            let Some(job) = small(folder.path(), mode) else { return };
+            slurm::run(&job, 0).unwrap();
+            compare(&job).unwrap();
 
-        // What was lost is made again, what is there isn't.
-        let picture = fs::read(job.file("exr")).unwrap();
-        for lost in ["picture-2-of-4.part.exr", "picture.exr"] {
-            fs::remove_file(folder.path().join(lost)).unwrap();
+            // What was lost is made again, what is there isn't.
+            let picture = fs::read(job.file("exr")).unwrap();
+            for lost in ["picture-2-of-4.part.exr", "picture.exr"] {
+                fs::remove_file(folder.path().join(lost)).unwrap();
+            }
+            slurm::run(&job, 0).unwrap();
+            assert!(fs::read(job.file("exr")).unwrap() == picture, "{mode}");
         }
-        slurm::run(&job, 0).unwrap();
-        assert!(fs::read(job.file("exr")).unwrap() == picture);
     }
 
     #[test]
@@ -218,7 +228,7 @@ mod tests {
             return;
         }
         let folder = tempfile::tempdir().unwrap();
-        let Some(mut job) = small(folder.path()) else { return };
+        let Some(mut job) = small(folder.path(), "original") else { return };
         // A program that fails the first time it renders a tile, and one that always does.
         let (good, flaky) = (job.programs.render_cached.clone(), folder.path().join("flaky.sh"));
         let script = |body: &str| {
