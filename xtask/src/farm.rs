@@ -77,17 +77,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         fs::remove_dir_all(&folder)
             .with_context(|| format!("cannot empty {}", folder.display()))?;
     }
-    let engine: Box<dyn Fn(&Job) -> anyhow::Result<()>> = match args.engine {
-        Engine::Openjd => {
-            let openjd = openjd::find_or_install()?;
-            Box::new(move |job| openjd::run(&openjd, job))
-        }
+    let openjd = match args.engine {
+        Engine::Openjd => Some(openjd::find_or_install()?),
         Engine::Slurm => {
             ensure!(
                 slurm::is_there(),
                 "no Slurm answers here; xtask/farm/slurm/one-node.sh starts one"
             );
-            Box::new(|job| slurm::run(job, 2))
+            None
         }
     };
     for mode in &args.mode {
@@ -103,7 +100,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         };
         fs::create_dir_all(&job.folder)
             .with_context(|| format!("cannot make {}", job.folder.display()))?;
-        engine(&job)?;
+        match &openjd {
+            Some(openjd) => openjd::run(openjd, &job)?,
+            None => slurm::run(&job, 2)?,
+        }
         compare(&job)?;
         println!(
             "{mode}: {} shards and {} tiles have made the bytes of one run: {}",
