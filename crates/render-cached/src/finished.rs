@@ -129,7 +129,8 @@ pub(crate) fn open(
             let start = (row - rows.start) * width;
             let part = start + x..start + end_x;
             values[component].extend_from_slice(&v[part.clone()]);
-            let found: Option<Vec<Reason>> = r[part.clone()].iter().map(|&r| reason(r)).collect();
+            let reason = |&number: &u8| Reason::ALL.get(usize::from(number)).copied();
+            let found: Option<Vec<Reason>> = r[part.clone()].iter().map(reason).collect();
             let Some(found) = found else {
                 bail!(file.corrupt(format!("{component} light was computed for no known reason")));
             };
@@ -162,25 +163,4 @@ fn bands(size: ImageSize) -> impl Iterator<Item = (usize, Range<usize>)> {
 /// The names of the sections of a component in a band: values, reasons, levels.
 fn names(component: Component, band: usize) -> [String; 3] {
     ["values", "reasons", "levels"].map(|array| format!("{component}.{array}.{band}"))
-}
-
-/// The reason of this number.
-fn reason(number: u8) -> Option<Reason> {
-    use Reason::{
-        Edge, Error, HoldOut, Interpolated, Lattice, Nearby, NoNeighbours, Reused, Verification,
-        Whole,
-    };
-    let all = [
-        Interpolated,
-        Lattice,
-        NoNeighbours,
-        Error,
-        Edge,
-        Verification,
-        HoldOut,
-        Reused,
-        Nearby,
-        Whole,
-    ];
-    all.into_iter().find(|&reason| reason as u8 == number)
 }

@@ -187,7 +187,11 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         );
     }
     let settings = settings(args, scene.bounds().diagonal());
-    let inputs = inputs(args, &scene, &photons, &settings);
+    // All photons are read for it: once.
+    let photons_digest = photons.fingerprint();
+    let of_surfaces = inputs_of_surfaces(args, &scene, photons_digest, &settings);
+    let mut inputs = of_surfaces.clone();
+    inputs.add("the camera", scene.view_fingerprint());
     let resume = Resume::open(args, &inputs, &console, interrupt)?;
     let progress = Progress { console: &console, interrupt, resume };
     let load = clock.lap();
@@ -207,10 +211,7 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let mut rendered = match args.mode {
         Mode::Adaptive if args.error > 0.0 => match &args.paper.from_layers {
             Some(layers) => finished::open(layers, args, &frame, &inputs)?,
-            None => {
-                let inputs = inputs_of_surfaces(args, &scene, &photons, &settings);
-                adaptive::render(args, &frame, &inputs, &mut clock, &progress)?
-            }
+            None => adaptive::render(args, &frame, &of_surfaces, &mut clock, &progress)?,
         },
         Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
         Mode::Paper => {
@@ -239,7 +240,7 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let write = clock.lap();
 
     let stages = stats::Stages { load, primary, write, total: clock.total() };
-    let stats = stats::Stats::new(args, &rendered, &photons, &stages);
+    let stats = stats::Stats::new(args, &rendered, photons_digest, &stages);
     stats.say(&console);
     if let Some(path) = &args.common.stats {
         cli::write_stats(path, args.common.existing(), &stats)?;
@@ -247,7 +248,7 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     Ok(())
 }
 
-/// What computes components. Irradiance for final gathering is computed ahead.
+/// What computes components. Irradiance for final gathering is computed ahead, unless nothing will be gathered.
 fn shader<'a>(
     args: &Args,
     scene: &'a Scene,
@@ -257,7 +258,9 @@ fn shader<'a>(
 ) -> anyhow::Result<(Shader<'a>, Counts)> {
     let shader = Shader::new(scene, photons, settings);
     match GatherPhotons::of(photons) {
-        Some(photons) if args.shading.indirect == Indirect::Gather => {
+        Some(photons)
+            if args.shading.indirect == Indirect::Gather && args.paper.from_layers.is_none() =>
+        {
             let places = photons.places();
             let ahead = progress.run("irradiance", places.len(), |watch| {
                 for_each(&places, watch, |place, work| {
@@ -288,18 +291,11 @@ fn settings(args: &Args, diagonal: f32) -> Settings {
     }
 }
 
-/// All that the value of a pixel depends on, the resolution aside.
-fn inputs(args: &Args, scene: &Scene, photons: &PhotonMaps, settings: &Settings) -> Inventory {
-    let mut inputs = inputs_of_surfaces(args, scene, photons, settings);
-    inputs.add("the camera", scene.view_fingerprint());
-    inputs
-}
-
 /// All that light at a point of a surface depends on, whoever looks at it.
 fn inputs_of_surfaces(
     args: &Args,
     scene: &Scene,
-    photons: &PhotonMaps,
+    photons: Fingerprint,
     settings: &Settings,
 ) -> Inventory {
     let mut inputs = scene.inventory().clone();
@@ -309,7 +305,7 @@ fn inputs_of_surfaces(
         digest.pod(&[g.k as u64]).pod(&[g.max_radius]).bytes(g.kernel.name().as_bytes());
         digest.finish()
     };
-    inputs.add("the photon map", photons.fingerprint());
+    inputs.add("the photon map", photons);
     inputs.add("the number of shadow rays", digest(&settings.shadow_rays.to_le_bytes()));
     inputs.add("the number of glossy rays", digest(&settings.glossy_rays.to_le_bytes()));
     inputs.add("the estimate of indirect light", gather(&settings.indirect));

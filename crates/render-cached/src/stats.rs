@@ -1,9 +1,8 @@
 //! The account of a run: for people, and as JSON whose names are a contract.
 
-use base::{Component, Components};
+use base::{Component, Components, Fingerprint};
 use cache_map::Origin;
 use cli::{Console, Seconds};
-use photon_map::PhotonMaps;
 use serde::Serialize;
 
 use crate::adaptive::ErrorReport;
@@ -74,7 +73,7 @@ impl Stats {
     pub(crate) fn new(
         args: &Args,
         rendered: &Rendered,
-        photons: &PhotonMaps,
+        photons: Fingerprint,
         stages: &Stages,
     ) -> Self {
         let count = |wanted: Origin| {
@@ -112,7 +111,7 @@ impl Stats {
             supersample: args.supersample,
             seed: args.seed,
             threads: rayon::current_num_threads(),
-            photons_fingerprint: photons.fingerprint().to_string(),
+            photons_fingerprint: photons.to_string(),
             seconds: seconds(|s| s.wall),
             cpu_seconds: seconds(|s| s.cpu),
             traced: rendered.traced,
