@@ -127,8 +127,9 @@ pub(super) fn hundred_million(bench: &Bench) -> anyhow::Result<String> {
     let mut names = Vec::new();
     for i in 1..=SHARDS {
         let name = format!("h{i}.shard");
-        let args =
-            format!("SCENE --photons 64M -q --force --checkpoint 0 --shard {i}/{SHARDS} -o {name}");
+        let args = format!(
+            "SCENE --photons 160M -q --force --checkpoint 0 --shard {i}/{SHARDS} -o {name}"
+        );
         bench.sound("photon-build", &args)?;
         names.push(name);
     }
