@@ -90,6 +90,7 @@ fn group<'a>(
 }
 
 /// Rays through the rabbit: some 70,000 triangles of glass in a box.
+#[expect(clippy::print_stderr, reason = "what is left out is told beside the results")]
 fn bvh(criterion: &mut Criterion) {
     let mut group = group(criterion, "BVH", "rays", N_RAYS);
     let mut embree = LazyCell::new(|| {
@@ -105,18 +106,18 @@ fn bvh(criterion: &mut Criterion) {
     });
     for (i, order) in Order::ALL.into_iter().enumerate() {
         if let Some(embree) = &mut *embree {
-            let id = BenchmarkId::new("closest hit, embree", order.name());
-            group.bench_function(id, |b| {
-                let rays = rays(&RABBIT, order);
-                let is_hit = |ray: &&Ray| RABBIT.accel.closest_hit(ray).is_some();
-                let hits = rays.iter().filter(is_hit).count() as f64;
-                b.iter_custom(|n| {
-                    let (found, time) = embree.ask(&format!("closest {i} {n}"));
-                    let most = 0.001 * N_RAYS as f64;
-                    assert!((found - hits).abs() < most, "{found} and {hits} hits");
-                    time
+            let is_hit = |ray: &&Ray| RABBIT.accel.closest_hit(ray).is_some();
+            let hits = rays(&RABBIT, order).iter().filter(is_hit).count();
+            let (found, _) = embree.ask(&format!("closest {i} 1"));
+            if (found - hits as f64).abs() < 0.001 * N_RAYS as f64 {
+                let id = BenchmarkId::new("closest hit, embree", order.name());
+                group.bench_function(id, |b| {
+                    b.iter_custom(|n| embree.ask(&format!("closest {i} {n}")).1);
                 });
-            });
+            } else {
+                let order = order.name();
+                eprintln!("embree is left out, {order}: it finds {found} hits and ours {hits}");
+            }
         }
         group.bench_function(BenchmarkId::new("closest hit", order.name()), |b| {
             let rays = rays(&RABBIT, order);
