@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::part::Rows;
 use crate::picture::rgb_names;
-use crate::write_exr::{header, write_blocks};
+use crate::write_exr::{blocks_at_once, header, write_blocks};
 use crate::{Error, Part, zip};
 
 /// Joins parts to the file that [`write_exr`](crate::write_exr) makes of the whole picture: the same bytes. Returns their
@@ -27,11 +27,12 @@ pub fn assemble_exr(path: &Path, existing: Existing, parts: &[Part]) -> Result<u
     let names = first.names().iter().map(String::as_str);
     let header = header(Window::whole(first.window().whole), first.metadata(), names);
     let width = first.window().whole.width as usize;
-    write_blocks(path, existing, header, |blocks| {
-        let blocks = blocks.iter().map(|rows| bands.next_block(rows.clone()));
-        let blocks: Vec<Block> = blocks.collect::<Result<_, _>>()?;
-        Ok(blocks.into_par_iter().map(|block| block.packed(width)).collect())
-    })
+    let blocks = blocks_at_once(&header).into_iter().map(|rows| {
+        let blocks: Result<Vec<Block>, Error> =
+            rows.into_iter().map(|rows| bands.next_block(rows)).collect();
+        Ok(blocks?.into_par_iter().map(|block| block.packed(width)).collect())
+    });
+    write_blocks(path, existing, header, blocks)
 }
 
 /// The beauty of the picture that the parts make up.

@@ -1,6 +1,8 @@
 //! OpenEXR files: every layer of a picture.
 
+use std::borrow::Borrow;
 use std::io;
+use std::iter;
 use std::ops::Range;
 use std::path::Path;
 
@@ -39,87 +41,145 @@ const BYTES_AT_ONCE: usize = 1 << 28;
 /// # Errors
 /// When a value is NaN or infinite, when there are no pixels, or when the file cannot be written.
 pub fn write_exr(path: &Path, existing: Existing, picture: &Picture) -> Result<u64, Error> {
-    let window = picture.window();
-    let size = window.size;
-    if size.n_pixels() == 0 {
-        return Err(Error::NoPixels { path: path.into() });
+    write_exr_bands(path, existing, picture.window(), iter::once(Ok(picture)))
+}
+
+/// Writes what comes in bands of whole rows, from top to bottom, and together fills `window`: the bytes that [`write_exr`]
+/// writes of it in one piece. The file is begun when the first band is there. One band is in memory at a time; of a part of a
+/// picture, whose digest comes first, all that is packed as well.
+///
+/// # Errors
+/// As [`write_exr`], and the first that a band comes with.
+///
+/// # Panics
+/// When a band isn't the one that follows, begins within a block of 16 rows, or has other channels than the first.
+pub fn write_exr_bands<P: Borrow<Picture>, E: From<Error>>(
+    path: &Path,
+    existing: Existing,
+    window: Window,
+    bands: impl IntoIterator<Item = Result<P, E>>,
+) -> Result<u64, E> {
+    if window.size.n_pixels() == 0 {
+        return Err(Error::NoPixels { path: path.into() }.into());
     }
+    let [left, right, top, bottom] = window.bounds();
+    let mut y = top;
+    let mut packed = bands.into_iter().map(|band: Result<P, E>| {
+        let band = band?;
+        let picture = band.borrow();
+        let bounds = picture.window().bounds();
+        let follows =
+            bounds[..3] == [left, right, y] && (y - top).is_multiple_of(zip::LINES as u32);
+        assert!(follows && bounds[3] <= bottom, "{bounds:?} follows row {y} of {window:?}");
+        y = bounds[3];
+        let names = sorted(picture).into_iter().map(|(name, _)| name.to_owned());
+        let names: Vec<String> = names.collect();
+        Ok((pack(path, picture)?, names, picture.metadata().to_owned()))
+    });
+    let first: Option<Result<_, E>> = packed.next();
+    let (first, names, metadata) = first.expect("a window of pixels has a band")?;
+    let list = || names.iter().map(String::as_str);
+    let mut bands = iter::once(Ok(first)).chain(packed.map(|band: Result<_, E>| {
+        let (blocks, others, _) = band?;
+        assert_eq!(others, names, "every band has all channels");
+        Ok(blocks)
+    }));
+    if window.is_whole() {
+        return write_blocks(path, existing, header(window, &metadata, list()), bands);
+    }
+    // The digest is of the packed blocks, and lies before them.
+    let blocks: Vec<Vec<u8>> = bands.try_fold(Vec::new(), |mut all, band| {
+        all.extend(band?);
+        Ok::<_, E>(all)
+    })?;
+    let mut digest = PartDigest::new(window, &metadata, list());
+    blocks.iter().for_each(|block| digest.block(block));
+    let header = header(window, &part::seal(digest, &metadata), list());
+    write_blocks(path, existing, header, iter::once(Ok(blocks)))
+}
+
+/// The channels of a picture by name.
+fn sorted(picture: &Picture) -> Vec<(&str, &[f32])> {
+    let mut channels: Vec<_> = picture.channels().collect();
+    channels.sort_by_key(|(name, _)| *name);
+    channels
+}
+
+/// All blocks of a picture, packed.
+fn pack(path: &Path, picture: &Picture) -> Result<Vec<Vec<u8>>, Error> {
+    let Window { size, .. } = picture.window();
     for (channel, values) in picture.channels() {
         if let Some(index) = values.iter().position(|v| !v.is_finite()) {
             return Err(Error::NotFinite {
                 path: path.into(),
                 channel: channel.into(),
-                pixel: size.pixel(index),
+                pixel: picture.window().in_whole(size.pixel(index)),
                 value: values[index],
             });
         }
     }
-
-    let mut channels: Vec<(&str, &[f32])> = picture.channels().collect();
-    channels.sort_by_key(|(name, _)| *name);
-    let names = channels.iter().map(|(name, _)| *name);
+    let channels = sorted(picture);
     let width = size.width as usize;
-    let pack = |rows: &Range<usize>| {
-        let part = rows.start * width..rows.end * width;
-        let values: Vec<&[f32]> = channels.iter().map(|(_, v)| &v[part.clone()]).collect();
-        zip::pack(&values, width)
-    };
-    if window.is_whole() {
-        let header = header(window, picture.metadata(), names);
-        return write_blocks(path, existing, header, |blocks| {
-            Ok(blocks.par_iter().map(pack).collect())
-        });
-    }
-    // The digest is of the packed blocks, and lies before them.
     let blocks: Vec<Range<usize>> = zip::blocks(size.height as usize).collect();
-    let packed: Vec<Vec<u8>> = blocks.par_iter().map(pack).collect();
-    let mut digest = PartDigest::new(window, picture.metadata(), names.clone());
-    packed.iter().for_each(|block| digest.block(block));
-    let header = header(window, &part::seal(digest, picture.metadata()), names);
-    let mut packed = packed.into_iter();
-    write_blocks(path, existing, header, |blocks| Ok(packed.by_ref().take(blocks.len()).collect()))
+    let pack = |rows: &Range<usize>| {
+        let pixels = rows.start * width..rows.end * width;
+        let channels: Vec<_> = channels.iter().map(|(_, v)| &v[pixels.clone()]).collect();
+        zip::pack(&channels, width)
+    };
+    Ok(blocks.par_iter().map(pack).collect())
 }
 
-/// Writes a picture whose packed blocks are asked for in order, some at a time, by the rows that they hold.
-pub(crate) fn write_blocks(
+/// The blocks of a picture, by the rows that they hold, as many at a time as should be packed at once.
+pub(crate) fn blocks_at_once(header: &Header) -> Vec<Vec<Range<usize>>> {
+    let (width, height) = (header.layer_size.width(), header.layer_size.height());
+    let block_bytes = header.channels.bytes_per_pixel * width * zip::LINES;
+    let n = (BYTES_AT_ONCE / block_bytes.max(1)).clamp(1, BLOCKS_AT_ONCE);
+    let blocks: Vec<Range<usize>> = zip::blocks(height).collect();
+    blocks.chunks(n).map(<[_]>::to_vec).collect()
+}
+
+/// Writes a picture whose packed blocks come in order, some at a time.
+///
+/// # Panics
+/// When not all blocks come.
+pub(crate) fn write_blocks<E: From<Error>>(
     path: &Path,
     existing: Existing,
     header: Header,
-    mut pack: impl FnMut(&[Range<usize>]) -> Result<Vec<Vec<u8>>, Error>,
-) -> Result<u64, Error> {
-    let (width, height) = (header.layer_size.width(), header.layer_size.height());
-    let block_bytes = header.channels.bytes_per_pixel * width * zip::LINES;
-    let blocks_at_once = (BYTES_AT_ONCE / block_bytes.max(1)).clamp(1, BLOCKS_AT_ONCE);
+    blocks: impl Iterator<Item = Result<Vec<Vec<u8>>, E>>,
+) -> Result<u64, E> {
     let top = header.own_attributes.layer_position.y();
-    let blocks: Vec<Range<usize>> = zip::blocks(height).collect();
+    let n_blocks = zip::blocks(header.layer_size.height()).count();
     let mut failure = None;
     let written = atomic_file::write(path, existing, |out| {
         exr::block::write(out, [header].into_iter().collect(), true, |_, writer| {
-            for (i, blocks) in blocks.chunks(blocks_at_once).enumerate() {
-                let packed = pack(blocks).map_err(|error| {
-                    let message = error.to_string();
+            let mut n = 0;
+            for some in blocks {
+                let some = some.map_err(|error| {
                     failure = Some(error);
-                    exr::error::Error::Io(io::Error::other(message))
+                    exr::error::Error::Io(io::Error::other("there is no more of the picture"))
                 })?;
-                for (k, (rows, bytes)) in blocks.iter().zip(packed).enumerate() {
+                for bytes in some {
                     let block = CompressedScanLineBlock {
-                        y_coordinate: top + rows.start as i32,
+                        y_coordinate: top + (n * zip::LINES) as i32,
                         compressed_pixels_le: bytes,
                     };
                     let chunk = Chunk {
                         layer_index: 0,
                         compressed_block: CompressedBlock::ScanLine(block),
                     };
-                    writer.write_chunk(i * blocks_at_once + k, chunk)?;
+                    writer.write_chunk(n, chunk)?;
+                    n += 1;
                 }
             }
+            assert_eq!(n, n_blocks, "all rows of the picture");
             Ok(())
         })
         .map_err(io_error)
     });
     match failure {
         Some(error) => Err(error),
-        None => Ok(written?),
+        None => written.map_err(|error| Error::from(error).into()),
     }
 }
 

@@ -10,8 +10,8 @@ use exr::meta::attribute::Compression;
 /// What blocks of [`pack`] are called in a header.
 pub(crate) const COMPRESSION: Compression = Compression::ZIP16;
 
-/// Scan lines of a block.
-pub(crate) const LINES: usize = 16;
+/// Rows of a picture that an OpenEXR file packs together, from its first row on.
+pub const LINES: usize = 16;
 
 /// The level of deflate, of 10.
 const LEVEL: u8 = 1;

@@ -6,7 +6,10 @@ use std::fs;
 use std::path::Path;
 
 use base::{Grid, ImageSize, Rng, Stream, Window};
-use film::{Error, Existing, Part, Picture, assemble_exr, assemble_rgb, read_exr, write_exr};
+use film::{
+    Error, Existing, Part, Picture, assemble_exr, assemble_rgb, read_exr, write_exr,
+    write_exr_bands,
+};
 
 const SIZE: ImageSize = ImageSize { width: 83, height: 71 };
 
@@ -63,6 +66,51 @@ fn parts_make_the_bytes_of_the_whole() {
         assert_eq!(assemble_rgb(&parts).unwrap(), whole.rgb("").unwrap());
         // A part is a picture for whoever wants to look at it.
         assert_eq!(read_exr(parts[0].path()).unwrap().size(), parts[0].window().size);
+    }
+}
+
+/// A picture, and a part of one, that come in bands.
+#[test]
+fn bands_make_the_bytes_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for window in [[0, 83, 0, 71], [7, 80, 5, 70]] {
+        let window = Window::new(window, SIZE).unwrap();
+        write_exr(&at("whole.exr"), Existing::Replace, &picture(window, "{}")).unwrap();
+        let whole = fs::read(at("whole.exr")).unwrap();
+        let [left, right, top, bottom] = window.bounds();
+        for n_rows in [16, 48, 80] {
+            let band = |y: u32| {
+                let bounds = [left, right, y, bottom.min(y + n_rows)];
+                Ok::<_, Error>(picture(Window::new(bounds, SIZE).unwrap(), "{}"))
+            };
+            let bands = (top..bottom).step_by(n_rows as usize).map(band);
+            let path = at("bands.exr");
+            let written = write_exr_bands(&path, Existing::Replace, window, bands).unwrap();
+            assert_eq!(written, whole.len() as u64);
+            assert!(fs::read(&path).unwrap() == whole, "{n_rows} rows of {window:?}");
+        }
+    }
+}
+
+/// What a band comes with ends the file, and nothing is left of it.
+#[test]
+fn a_band_that_fails_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    for n_good in [0, 1, 2] {
+        let band = |i: u32| {
+            let mut band = picture(Window::new([0, 83, i * 16, i * 16 + 16], SIZE).unwrap(), "{}");
+            let value = if i < n_good { 0.0 } else { f32::NAN };
+            band.push("late", vec![value; 83 * 16]);
+            Ok::<_, Error>(band)
+        };
+        let bands = (0..4).map(band);
+        let whole = Window::whole(SIZE);
+        let error = write_exr_bands(&path, Existing::Refuse, whole, bands).unwrap_err();
+        let pixel = format!("late is NaN at pixel (0, {})", 16 * n_good);
+        assert!(error.to_string().contains(&pixel), "{error}");
+        assert!(fs::read_dir(folder.path()).unwrap().next().is_none());
     }
 }
 

@@ -18,7 +18,7 @@ const TILE: u32 = 32;
 /// What the eye sees in a window of a picture, one ray through the middle of each pixel. Pixels count from its corner.
 #[derive(Debug)]
 pub(crate) struct Frame<'a> {
-    shader: Shader<'a>,
+    shader: &'a Shader<'a>,
     window: Window,
     surfaces: Grid<Option<Surface>>,
 }
@@ -26,7 +26,7 @@ pub(crate) struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// Traces the eye rays.
     pub(crate) fn trace(
-        shader: Shader<'a>,
+        shader: &'a Shader<'a>,
         window: Window,
         watch: Watch<'_>,
     ) -> Result<(Self, Counts), Interrupted> {
@@ -51,7 +51,7 @@ impl<'a> Frame<'a> {
                             if !watch(0) {
                                 return None;
                             }
-                            let ray = eye_ray(&shader, window, size.pixel(i));
+                            let ray = eye_ray(shader, window, size.pixel(i));
                             *surface = shader.eye_point(&ray, &mut work).map(|point| point.surface);
                         }
                     }
@@ -72,8 +72,8 @@ impl<'a> Frame<'a> {
         self.surfaces.size()
     }
 
-    pub(crate) fn shader(&self) -> &Shader<'a> {
-        &self.shader
+    pub(crate) fn shader(&self) -> &'a Shader<'a> {
+        self.shader
     }
 
     /// The first surface of each pixel, its front side not turned to the eye.
@@ -84,7 +84,7 @@ impl<'a> Frame<'a> {
     /// Radiance that the first surface of a pixel emits towards the eye, or that comes from beyond the scene.
     pub(crate) fn emitted(&self, pixel: Pixel) -> Rgb {
         self.point(pixel).map_or_else(
-            || self.shader.background(eye_ray(&self.shader, self.window, pixel).dir()),
+            || self.shader.background(eye_ray(self.shader, self.window, pixel).dir()),
             |point| point.emitted,
         )
     }
@@ -95,12 +95,12 @@ impl<'a> Frame<'a> {
         if camera.is_pinhole() {
             return camera.origin();
         }
-        eye_ray(&self.shader, self.window, pixel).origin()
+        eye_ray(self.shader, self.window, pixel).origin()
     }
 
     /// The first surface of a pixel, as the eye sees it.
     pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
-        let w_o = -eye_ray(&self.shader, self.window, pixel).dir();
+        let w_o = -eye_ray(self.shader, self.window, pixel).dir();
         self.surfaces[pixel].map(|surface| self.shader.shading_point(surface, w_o))
     }
 

@@ -14,6 +14,7 @@ mod photons;
 mod render;
 mod resume;
 mod stats;
+mod tally;
 mod tile;
 
 pub use args::{Args, Assemble, Command, Indirect, Mode};

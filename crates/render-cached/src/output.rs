@@ -1,8 +1,10 @@
 //! Layers, and the files they go to.
 
+use std::fs::File;
+use std::io;
 use std::path::Path;
 
-use base::{Component, Components, Grid, ImageSize, Inventory, Pixel, Rgb};
+use base::{Component, Components, Grid, ImageSize, Inventory, Pixel, Rgb, Window};
 use cache_map::Origin;
 use cli::Interrupt;
 use film::{Filter, Format, Picture};
@@ -102,48 +104,98 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     cli::command_line(words.into_iter().map(Into::into))
 }
 
-/// Writes the picture, or the part of it that is asked for, to all outputs.
+/// Some rows of a picture, as they go to files.
+#[derive(Debug)]
+pub(crate) struct Band {
+    whole: Grid<Rgb>,
+    /// Nothing where no file takes them.
+    layers: Option<Picture>,
+}
+
+impl Band {
+    /// What `extent` shows of what was rendered of its frame.
+    pub(crate) fn new(
+        args: &Args,
+        extent: &Extent,
+        frame: &Frame<'_>,
+        rendered: &Rendered,
+        inputs: &Inventory,
+    ) -> anyhow::Result<Self> {
+        let n = args.supersample;
+        let shown = extent.filtered.subdivided(n);
+        let to_pixels = |subpixels: Grid<Rgb>| match (n, filter(args)) {
+            (1, Filter::Box) => subpixels,
+            (n, filter) => {
+                film::reconstruct(&subpixels, n, filter).cut(extent.filtered, extent.part)
+            }
+        };
+        let emission =
+            Grid::from_fn(shown.size, |p| frame.emitted(extent.in_frame(shown.in_whole(p))));
+        let emission = to_pixels(emission);
+        let components = Components::from_fn(|component| {
+            to_pixels(rendered.values[component].cut(extent.frame, shown))
+        });
+        let whole = Grid::from_fn(emission.size(), |p| {
+            Component::ALL
+                .into_iter()
+                .fold(emission[p], |sum, component| sum + components[component][p])
+        });
+        let is_layered = files(args, Format::Exr)?.next().is_some();
+        let layers = is_layered
+            .then(|| layers(args, extent, frame, rendered, inputs, &emission, &components, &whole));
+        Ok(Self { whole, layers })
+    }
+}
+
+/// Writes the picture, or the part of it that is asked for, to all outputs. Its bands come from top to bottom; no file is begun
+/// before the first is there.
 pub(crate) fn write(
     args: &Args,
-    extent: &Extent,
-    frame: &Frame<'_>,
-    rendered: &Rendered,
-    inputs: &Inventory,
+    part: Window,
+    bands: impl Iterator<Item = anyhow::Result<Band>>,
     interrupt: &Interrupt,
 ) -> anyhow::Result<()> {
     if args.output.is_empty() {
         return Ok(());
     }
-    let n = args.supersample;
-    let shown = extent.filtered.subdivided(n);
-    let to_pixels = |subpixels: Grid<Rgb>| match (n, filter(args)) {
-        (1, Filter::Box) => subpixels,
-        (n, filter) => film::reconstruct(&subpixels, n, filter).cut(extent.filtered, extent.part),
-    };
-    let emission = Grid::from_fn(shown.size, |p| frame.emitted(extent.in_frame(shown.in_whole(p))));
-    let emission = to_pixels(emission);
-    let components = Components::from_fn(|component| {
-        to_pixels(rendered.values[component].cut(extent.frame, shown))
+    let existing = args.common.existing();
+    let mut pngs = files(args, Format::Png)?.peekable();
+    let (is_shown, mut shown) = (pngs.peek().is_some(), Vec::new());
+    let mut layers = bands.map(|band| {
+        let Band { whole, layers } = band?;
+        interrupt.check()?;
+        if is_shown {
+            shown.extend_from_slice(whole.values());
+        }
+        Ok(layers)
     });
-    let whole = Grid::from_fn(emission.size(), |p| {
-        Component::ALL
-            .into_iter()
-            .fold(emission[p], |sum, component| sum + components[component][p])
-    });
-    interrupt.check()?;
-    for path in &args.output {
-        let existing = args.common.existing();
-        match Format::of(path)? {
-            Format::Png => film::write_png(path, existing, &whole, args.exposure)?,
-            Format::Exr => {
-                let picture =
-                    layers(args, extent, frame, rendered, inputs, &emission, &components, &whole);
-                interrupt.check()?;
-                film::write_exr(path, existing, &picture)?
+    let mut exrs = files(args, Format::Exr)?;
+    match exrs.next() {
+        Some(path) => {
+            let layers = layers.by_ref().filter_map(Result::transpose);
+            film::write_exr_bands::<Picture, anyhow::Error>(path, existing, part, layers)?;
+            for other in exrs {
+                atomic_file::write(other, existing, |out| {
+                    io::copy(&mut File::open(path)?, out).map(drop)
+                })?;
             }
-        };
+        }
+        None => layers.by_ref().try_for_each(|band: anyhow::Result<_>| band.map(drop))?,
+    }
+    drop(layers);
+    let shown = is_shown.then(|| Grid::from_values(part.size, shown));
+    for (path, shown) in pngs.zip(shown.iter().cycle()) {
+        film::write_png(path, existing, shown, args.exposure)?;
     }
     Ok(())
+}
+
+/// The outputs of a format.
+fn files(args: &Args, format: Format) -> anyhow::Result<impl Iterator<Item = &Path>> {
+    let formats: Vec<_> =
+        args.output.iter().map(|path| Format::of(path)).collect::<Result<_, _>>()?;
+    let outputs = args.output.iter().zip(formats);
+    Ok(outputs.filter(move |(_, f)| *f == format).map(|(path, _)| path.as_path()))
 }
 
 /// All layers. The picture itself is the sum emission + direct + indirect + specular + caustics, in that order.

@@ -1,5 +1,6 @@
 //! From a scene and its photons to pictures.
 
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -8,6 +9,7 @@ use base::{Components, Fingerprint, FingerprintBuilder, Grid, ImageSize, Invento
 use cache_map::{Origin, Reason};
 use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
 use film::Format;
+use mapfile::MapFile;
 use photon_map::{Gather, PhotonMaps};
 use scene::Scene;
 use shade::{Counts, GatherPhotons, Settings, Shader};
@@ -15,6 +17,7 @@ use shade::{Counts, GatherPhotons, Settings, Shader};
 use crate::adaptive::{self, ErrorReport};
 use crate::frame::{Frame, for_each};
 use crate::resume::{NOTHING_WRITTEN, Resume};
+use crate::tally::Tally;
 use crate::tile::Extent;
 use crate::{Args, Indirect, Mode, finished, health, original, output, paper, photons, stats};
 
@@ -134,18 +137,28 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
         args.common.existing(),
     )?;
     if let Some(resolution) = args.resolution {
-        check_memory(Extent::new(args, resolution)?.frame.size)?;
+        check_memory(args, &Extent::new(args, resolution)?)?;
     }
     args.common.thread_pool()
 }
 
+/// Whether the mode looks at all of a picture, so that no band can be rendered alone.
+fn takes_all(args: &Args) -> bool {
+    match args.mode {
+        Mode::Original => false,
+        Mode::Adaptive => args.error > 0.0,
+        Mode::Paper => true,
+    }
+}
+
 /// Refuses a picture that can't be held, as far as the system tells: it may lend more memory than it has.
-fn check_memory(size: ImageSize) -> anyhow::Result<()> {
+fn check_memory(args: &Args, extent: &Extent) -> anyhow::Result<()> {
     /// Surfaces, components and layers take about so much, as `peak_rss_bytes` of `--stats` shows.
     const BYTES_PER_PIXEL: usize = 380;
+    let size = if takes_all(args) { extent.frame.size } else { extent.largest_band(args) };
     let bytes = size.n_pixels().saturating_mul(BYTES_PER_PIXEL);
     if Vec::<u8>::new().try_reserve_exact(bytes).is_err() {
-        let ImageSize { width, height } = size;
+        let ImageSize { width, height } = args.resolution.unwrap_or(size);
         bail!(
             "a picture of {width}x{height} pixels needs {} GB of memory, which the system refuses; \
              ask for fewer with --resolution or --supersample, or for parts with --tile",
@@ -174,7 +187,7 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let usual = ImageSize { width: 512, height: 512 };
     let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
     let extent = Extent::new(args, resolution)?;
-    check_memory(extent.frame.size)?;
+    check_memory(args, &extent)?;
     // Whatever tells of this picture names its size.
     let args = &Args { resolution: Some(resolution), ..args.clone() };
     let (photons, photons_file) =
@@ -200,52 +213,103 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         console.detail(format_args!("{:>10} {} photons", set.len(), class.name()));
     }
 
+    let mut tally = Tally::default();
     let (shader, counts_ahead) = shader(args, &scene, &photons, settings, &progress)?;
-    let ahead = clock.lap();
-    let n_rays = extent.frame.size.n_pixels();
-    let traced =
-        progress.run("eye rays", n_rays, |watch| Frame::trace(shader, extent.frame, watch));
-    let (frame, eye_counts) = traced?;
-    let primary = clock.lap();
-
-    let mut rendered = match args.mode {
-        Mode::Adaptive if args.error > 0.0 => match &args.paper.from_layers {
-            Some(layers) => finished::open(layers, args, &frame, &inputs)?,
-            None => adaptive::render(args, &frame, &of_surfaces, &mut clock, &progress)?,
-        },
-        Mode::Original | Mode::Adaptive => original::render(&frame, &mut clock, &progress)?,
-        Mode::Paper => {
-            let thresholds = paper::thresholds(args, scene.bounds().diagonal());
-            let computed = extent.computed;
-            paper::render(args, &frame, computed, &inputs, &thresholds, &mut clock, &progress)?
-        }
+    tally.counts += counts_ahead;
+    tally.seconds.indirect += clock.lap();
+    let job = Job {
+        args,
+        shader: &shader,
+        photons: &photons_file,
+        of_surfaces: &of_surfaces,
+        inputs: &inputs,
+        console: &console,
+        progress: &progress,
     };
-    rendered.counts += eye_counts;
-    rendered.counts += counts_ahead;
-    rendered.seconds.indirect += ahead;
-    if rendered.counts.chains_cut > 0 {
-        let n = rendered.counts.chains_cut;
-        console.warn(format_args!(
-            "{n} specular chains were cut; surfaces that reflect everything face each other"
-        ))?;
+    let whole = match takes_all(args) {
+        true => Some(job.render(&extent, true, &mut clock, &mut tally)?),
+        false => None,
+    };
+    if let Some((_, rendered)) = &whole
+        && let (Some(path), Some(layers)) = (&args.paper.save_layers, &rendered.adaptive)
+    {
+        finished::save(path, args, rendered, layers, &inputs)?;
     }
-
-    health::check(&rendered.values, extent.frame, args.supersample)?;
-    photons_file.check_untouched()?;
-    if let (Some(path), Some(layers)) = (&args.paper.save_layers, &rendered.adaptive) {
-        finished::save(path, args, &rendered, layers, &inputs)?;
-    }
-    output::write(args, &extent, &frame, &rendered, &inputs, interrupt)?;
+    let mut bands = extent.bands(args);
+    let bands = iter::from_fn(|| {
+        let band = bands.next()?;
+        tally.write += clock.lap();
+        Some(match &whole {
+            Some((frame, rendered)) => {
+                output::Band::new(args, &band.in_frame_of(&extent), frame, rendered, &inputs)
+            }
+            None => job
+                .render(&band, bands.len() == 0, &mut clock, &mut tally)
+                .and_then(|(f, rendered)| output::Band::new(args, &band, &f, &rendered, &inputs)),
+        })
+    });
+    output::write(args, extent.part, bands, interrupt)?;
     progress.resume.done();
-    let write = clock.lap();
+    tally.write += clock.lap();
 
-    let stages = stats::Stages { load, primary, write, total: clock.total() };
-    let stats = stats::Stats::new(args, &rendered, photons_digest, &stages);
+    let stages = stats::Stages { load, total: clock.total() };
+    let stats = stats::Stats::new(args, &tally, photons_digest, &stages);
     stats.say(&console);
     if let Some(path) = &args.common.stats {
         cli::write_stats(path, args.common.existing(), &stats)?;
     }
     Ok(())
+}
+
+/// What all bands of a picture have in common.
+struct Job<'x, 'a> {
+    args: &'x Args,
+    shader: &'a Shader<'a>,
+    photons: &'x MapFile,
+    of_surfaces: &'x Inventory,
+    inputs: &'x Inventory,
+    console: &'x Console,
+    progress: &'x Progress<'x>,
+}
+
+impl<'a> Job<'_, 'a> {
+    /// Traces the eye rays of a frame, the last one or not, and renders it.
+    fn render(
+        &self,
+        extent: &Extent,
+        is_last: bool,
+        clock: &mut Clock,
+        tally: &mut Tally,
+    ) -> anyhow::Result<(Frame<'a>, Rendered)> {
+        let &Self { args, shader, of_surfaces, inputs, progress, .. } = self;
+        let n_rays = extent.frame.size.n_pixels();
+        let traced =
+            progress.run("eye rays", n_rays, |watch| Frame::trace(shader, extent.frame, watch));
+        let (frame, eye_counts) = traced?;
+        tally.primary += clock.lap();
+        let mut rendered = match args.mode {
+            Mode::Adaptive if args.error > 0.0 => match &args.paper.from_layers {
+                Some(layers) => finished::open(layers, args, &frame, inputs)?,
+                None => adaptive::render(args, &frame, of_surfaces, clock, progress)?,
+            },
+            Mode::Original | Mode::Adaptive => original::render(&frame, clock, progress)?,
+            Mode::Paper => {
+                let thresholds = paper::thresholds(args, shader.scene.bounds().diagonal());
+                paper::render(args, &frame, extent.computed, inputs, &thresholds, clock, progress)?
+            }
+        };
+        rendered.counts += eye_counts;
+        tally.add(&rendered);
+        let n = tally.counts.chains_cut;
+        if is_last && n > 0 {
+            self.console.warn(format_args!(
+                "{n} specular chains were cut; surfaces that reflect everything face each other"
+            ))?;
+        }
+        health::check(&rendered.values, extent.frame, args.supersample)?;
+        self.photons.check_untouched()?;
+        Ok((frame, rendered))
+    }
 }
 
 /// What computes components. Irradiance for final gathering is computed ahead, unless nothing will be gathered.

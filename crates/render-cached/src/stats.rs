@@ -1,20 +1,17 @@
 //! The account of a run: for people, and as JSON whose names are a contract.
 
 use base::{Component, Components, Fingerprint};
-use cache_map::Origin;
 use cli::{Console, Seconds};
 use serde::Serialize;
 
 use crate::adaptive::ErrorReport;
-use crate::render::Rendered;
+use crate::tally::Tally;
 use crate::{Args, Mode};
 
-/// Time of what isn't a component.
+/// Time of what is done once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stages {
     pub(crate) load: Seconds,
-    pub(crate) primary: Seconds,
-    pub(crate) write: Seconds,
     pub(crate) total: Seconds,
 }
 
@@ -70,33 +67,19 @@ struct Rays {
 }
 
 impl Stats {
-    pub(crate) fn new(
-        args: &Args,
-        rendered: &Rendered,
-        photons: Fingerprint,
-        stages: &Stages,
-    ) -> Self {
-        let count = |wanted: Origin| {
-            Components::from_fn(|component| {
-                let origins = rendered.origins[component].values();
-                origins.iter().filter(|&&o| o == wanted).count() as u64
-            })
-        };
-        // In mode paper what is known may be of no use.
-        let is_adaptive = rendered.adaptive.is_some();
-        let reused = if is_adaptive { count(Origin::Known) } else { Components::default() };
+    pub(crate) fn new(args: &Args, tally: &Tally, photons: Fingerprint, stages: &Stages) -> Self {
         let seconds = |f: fn(&Seconds) -> f64| StageSeconds {
             load: f(&stages.load),
-            primary: f(&stages.primary),
-            direct: f(&rendered.seconds.direct),
-            indirect: f(&rendered.seconds.indirect),
-            specular: f(&rendered.seconds.specular),
-            caustic: f(&rendered.seconds.caustic),
-            cache: f(&rendered.cache),
-            write: f(&stages.write),
+            primary: f(&tally.primary),
+            direct: f(&tally.seconds.direct),
+            indirect: f(&tally.seconds.indirect),
+            specular: f(&tally.seconds.specular),
+            caustic: f(&tally.seconds.caustic),
+            cache: f(&tally.cache),
+            write: f(&tally.write),
             total: f(&stages.total),
         };
-        let counts = rendered.counts;
+        let counts = tally.counts;
         Self {
             program: "render-cached",
             version: env!("CARGO_PKG_VERSION"),
@@ -107,16 +90,16 @@ impl Stats {
                 Mode::Adaptive => "adaptive",
             },
             resolution: args.resolution.map_or([0, 0], |size| [size.width, size.height]),
-            n_subpixels: rendered.origins.direct.size().n_pixels(),
+            n_subpixels: tally.n_subpixels,
             supersample: args.supersample,
             seed: args.seed,
             threads: rayon::current_num_threads(),
             photons_fingerprint: photons.to_string(),
             seconds: seconds(|s| s.wall),
             cpu_seconds: seconds(|s| s.cpu),
-            traced: rendered.traced,
-            interpolated: count(Origin::Interpolated),
-            reused,
+            traced: tally.traced,
+            interpolated: tally.interpolated,
+            reused: tally.reused,
             rays: Rays {
                 eye: counts.eye_rays,
                 specular: counts.specular_rays,
@@ -125,7 +108,7 @@ impl Stats {
             },
             photons_visited: counts.photons_visited,
             chains_cut: counts.chains_cut,
-            error: rendered.adaptive.as_ref().map(|a| a.error),
+            error: tally.error,
             peak_rss_bytes: cli::peak_rss_bytes(),
         }
     }

@@ -7,6 +7,10 @@ use cli::WrongUsage;
 
 use crate::{Args, Mode, output};
 
+/// The most subpixels of a band: few enough that what is held of them is small, enough that those which filters look at beyond
+/// are few beside them.
+pub(crate) const BAND: usize = 1 << 21;
+
 /// What is computed to show a part of a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
@@ -26,7 +30,10 @@ impl Extent {
     /// # Errors
     /// When there is no such part.
     pub(crate) fn new(args: &Args, resolution: ImageSize) -> anyhow::Result<Self> {
-        let part = part(args, resolution)?;
+        Ok(Self::of(args, part(args, resolution)?))
+    }
+
+    fn of(args: &Args, part: Window) -> Self {
         let filtered = part.grown(output::filter(args).margin());
         let shown = filtered.subdivided(args.supersample);
         let (computed, frame) = match args.mode {
@@ -36,7 +43,33 @@ impl Extent {
                 (computed, computed.grown(args.paper.region / 2))
             }
         };
-        Ok(Self { part, filtered, computed, frame })
+        Self { part, filtered, computed, frame }
+    }
+
+    /// The part in bands of whole blocks of rows, from top to bottom, each of [`BAND`] subpixels at most, or one block. What
+    /// filters look at beyond a band is in it, too: each can be rendered alone.
+    pub(crate) fn bands(&self, args: &Args) -> impl ExactSizeIterator<Item = Self> + use<> {
+        let args = args.clone();
+        let Window { corner, size, whole } = self.part;
+        let row = size.width as usize * (args.supersample * args.supersample) as usize;
+        let blocks = (BAND / (row * film::BLOCK_ROWS)).max(1);
+        let n_rows = (blocks * film::BLOCK_ROWS).min(size.height as usize);
+        (0..size.height).step_by(n_rows).map(move |y| {
+            let corner = Pixel { y: corner.y + y, ..corner };
+            let size = ImageSize { height: (size.height - y).min(n_rows as u32), ..size };
+            Self::of(&args, Window { corner, size, whole })
+        })
+    }
+
+    /// What is computed for the largest of the bands.
+    pub(crate) fn largest_band(&self, args: &Args) -> ImageSize {
+        let sizes = self.bands(args).map(|band| band.frame.size);
+        sizes.max_by_key(|size| size.n_pixels()).unwrap_or(self.frame.size)
+    }
+
+    /// The same part in another frame, which holds it.
+    pub(crate) fn in_frame_of(self, other: &Self) -> Self {
+        Self { frame: other.frame, ..self }
     }
 
     /// The pixel of the frame that is this subpixel of the whole picture.
@@ -105,6 +138,8 @@ pub(crate) fn tile(whole: ImageSize, share: Share) -> Option<Window> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
 
     #[test]
@@ -144,5 +179,31 @@ mod tests {
         assert!(of_7.iter().all(|&n| (100_000..200_000).contains(&n)), "{of_7:?}");
         let of_20: Vec<_> = sizes(20).map(ImageSize::n_pixels).collect();
         assert!(of_20.iter().all(|&n| (32_768..=65_536).contains(&n)), "{of_20:?}");
+    }
+
+    #[test]
+    fn bands_fill_the_part_in_whole_blocks() {
+        for (size, supersample, n_bands) in [
+            ("1024x1024", "1", 1),
+            ("8192x8192", "1", 32),
+            ("100x90", "16", 2),
+            ("1000000x40", "1", 3),
+            ("1x1", "1", 1),
+        ] {
+            let words =
+                ["render-cached", "s", "--photons", "p", "-o", "o.exr", "--mode", "original"];
+            let options = ["--supersample", supersample, "--resolution", size];
+            let args = Args::parse_from(words.into_iter().chain(options));
+            let whole = Extent::new(&args, args.resolution.unwrap()).unwrap();
+            let (mut y, mut n) = (0, 0);
+            for band in whole.bands(&args) {
+                assert_eq!(band.part.corner, Pixel { x: 0, y });
+                assert!((y as usize).is_multiple_of(film::BLOCK_ROWS));
+                let is_small = band.frame.size.n_pixels() <= BAND;
+                assert!(is_small || band.part.size.height as usize <= film::BLOCK_ROWS, "{size}");
+                (y, n) = (y + band.part.size.height, n + 1);
+            }
+            assert_eq!((y, n), (whole.part.size.height, n_bands), "{size}");
+        }
     }
 }

@@ -70,13 +70,13 @@ fn an_end_is_heard_while_a_picture_is_written() {
     let bench = Bench::new();
     bench.write("a.exr", "precious");
     let before = bench.files();
-    let large = "scene.toml --photons a.photons --mode original --resolution 1400x1400 --shadow-rays 1 --gather 2";
+    let large = "scene.toml --photons a.photons --mode original --resolution 1400x2400 --shadow-rays 1 --gather 2";
     let mut child = bench
         .command(&format!("{large} --caustic-gather 2 -o a.exr --force -q --checkpoint 0"))
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // A picture that is being written has another name.
+    // A picture that is being written has another name. When the first of two bands is there, it is begun.
     while bench.files().len() == before.len() {
         assert!(child.try_wait().unwrap().is_none(), "it was written before anybody saw it");
         std::thread::sleep(Duration::from_millis(2));

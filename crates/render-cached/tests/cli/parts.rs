@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use assert_cmd::assert::OutputAssertExt;
 
-use crate::bench::{Bench, SMALL};
+use crate::bench::{Bench, SCENE, SMALL};
 
 /// Six blocks of 64x64 pixels, the last ones not full.
 const RUN: &str = "scene.toml --photons a.photons --resolution 150x90 --shadow-rays 2 --gather 10 --caustic-gather 5";
@@ -62,6 +62,25 @@ fn crops_lie_anywhere() {
         bench.run("assemble 2.exr 0.exr 3.exr 1.exr -o a.exr --force");
         assert!(bench.read("a.exr") == bench.read("whole.exr"), "{options}");
     }
+}
+
+/// Mode original renders a picture of so many subpixels in bands, of which each crop lies in one: borders show nowhere.
+#[test]
+fn large_pictures_are_those_of_their_crops() {
+    // Far away, so that most rays meet nothing.
+    let bench = Bench::of(&SCENE.replace("[0, 1, 4]", "[0, 1, 40]"));
+    let run = "scene.toml --photons a.photons --shadow-rays 2 --gather 10 --caustic-gather 5 --mode original \
+               --resolution 256x96 --supersample 16 --filter mitchell --checkpoint 0 --force";
+    bench.run(&format!("{run} -o whole.exr -o whole.png -o again.exr --stats whole.json"));
+    assert!(bench.read("again.exr") == bench.read("whole.exr"));
+    // Three bands of 32 rows, and two rows of pixels on each side of the borders between them.
+    assert_eq!(bench.json("whole.json")["rays"]["eye"], 256 * 256 * (96 + 8));
+    for i in 0..4 {
+        bench.run(&format!("{run} --crop 0,256,{},{} -o {i}.exr", 24 * i, 24 * i + 24));
+    }
+    bench.run("assemble 0.exr 1.exr 2.exr 3.exr -o a.exr -o a.png");
+    assert!(bench.read("a.exr") == bench.read("whole.exr"));
+    assert!(bench.read("a.png") == bench.read("whole.png"));
 }
 
 /// What a run that fails says, and leaves as it was.
