@@ -10,6 +10,7 @@ mod convergence;
 mod edges;
 mod furnace;
 mod gathering;
+mod gltf;
 mod passes;
 mod path_tracer;
 mod renderer;

@@ -22,7 +22,7 @@ pub struct SceneOptions {
     /// Give $NAME of a scene of Mitsuba a value
     #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parse_definition)]
     pub define: Vec<(String, String)>,
-    /// Replace what a scene of Mitsuba has and Tetralux doesn't, and say so, instead of refusing it
+    /// Replace what a scene of Mitsuba or glTF has and Tetralux doesn't, and say so, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
     /// Refuse a scene that names files outside its folder: for scenes from strangers

@@ -19,7 +19,7 @@ pub struct Args {
     /// What to do instead of building a map.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// The scene: a scene.toml, or a scene of Mitsuba (.xml)
+    /// The scene: a scene.toml, or one of Mitsuba (.xml) or glTF (.gltf, .glb)
     #[arg(required = true)]
     pub scene: Option<PathBuf>,
     /// Where the photon maps go

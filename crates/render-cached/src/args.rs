@@ -18,7 +18,7 @@ pub struct Args {
     /// What to do instead of rendering.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// The scene: a scene.toml, or a scene of Mitsuba (.xml)
+    /// The scene: a scene.toml, or one of Mitsuba (.xml) or glTF (.gltf, .glb)
     #[arg(required = true)]
     pub scene: Option<PathBuf>,
     /// The photon maps that photon-build has made of the scene
@@ -28,7 +28,7 @@ pub struct Args {
     /// not at all with --save-cache or --save-layers
     #[arg(short, long, value_name = "IMAGE", required_unless_present_any = ["save_cache", "save_layers"])]
     pub output: Vec<PathBuf>,
-    /// Width and height of the picture, in pixels [default: those of a scene of Mitsuba, or 512x512]
+    /// Width and height of the picture, in pixels [default: those of the scene, if it is of Mitsuba or glTF and tells, or 512x512]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = parse_size)]
     pub resolution: Option<ImageSize>,
     /// Render a part of the picture, from column X0 up to X1 and row Y0 up to Y1, neither of them included, for

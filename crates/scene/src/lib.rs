@@ -3,7 +3,7 @@
 //! A scene file describes the world only; every quality setting is a flag of a program. Units are the author's, as long
 //! as they agree; y is up by convention only. Colors are linear Rec. 709.
 //!
-//! Only this crate reads scene files, and only it names tobj.
+//! Only this crate reads scene files, and only it names tobj and quick-xml.
 
 mod area_light;
 mod bright_cells;

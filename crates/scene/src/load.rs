@@ -2,6 +2,7 @@
 
 mod assembly;
 mod enclosure;
+mod gltf;
 mod image;
 mod keys;
 mod lights;
@@ -47,7 +48,7 @@ pub struct Loaded {
 pub struct Options {
     /// Of a scene of Mitsuba: values of parameters, `$name` in the file, by name.
     pub definitions: Vec<(String, String)>,
-    /// Of a scene of Mitsuba: whether what isn't supported is replaced, with a warning each, instead of refused.
+    /// Of a scene of Mitsuba or of glTF: whether what isn't supported is replaced, with a warning each, instead of refused.
     pub lenient: bool,
     /// Whether all that is read must lie in the folder of the scene file, or below.
     pub no_external: bool,
@@ -59,7 +60,8 @@ impl Options {
     }
 }
 
-/// Reads a scene file: `scene.toml`, or a scene of Mitsuba if its name ends in `.xml`.
+/// Reads a scene file: `scene.toml`, a scene of Mitsuba if its name ends in `.xml`, or one of glTF if it ends in `.gltf` or
+/// `.glb`.
 ///
 /// # Mitsuba
 ///
@@ -81,6 +83,38 @@ impl Options {
 ///
 /// Integrators, samplers and what films do beside their size are quality settings, and ignored. Anything else is an error
 /// that names it; or, with [`Options::lenient`], a warning that says what takes its place.
+///
+/// # glTF
+///
+/// Version 2.0, text or binary; buffers and images (PNG, JPEG) in files, in data URIs or in the file itself.
+///
+/// - nodes: those of the default scene, or of the first one, or all that stand below no other; by `matrix` or by translation,
+///   rotation and scale, which may mirror. Nodes that share a mesh show copies, of 2^24 triangles at most
+/// - meshes: triangles, strips and fans, with or without indices; sparse accessors, integers as they are or as parts of 1
+///   (`KHR_mesh_quantization`). What has no normals is flat
+/// - what isn't metal is plastic: a coat of `KHR_materials_ior`, as rough as the material, over a diffuse base of the base color.
+///   It is diffuse alone if that ior is 1 or `specularFactor` of `KHR_materials_specular` is 0
+/// - what is metal is a conductor that reflects the base color at normal incidence, and at other angles nearly what Schlick's
+///   approximation gives
+/// - what transmits (`KHR_materials_transmission`) is a pane, or, with a thickness above 0 (`KHR_materials_volume`), a body of glass
+///   that absorbs by its attenuation; its mesh must be closed
+/// - `alphaMode`: `BLEND` lets pass what alpha leaves, of any color; `MASK` cuts texels at `alphaCutoff`
+/// - emission, times `KHR_materials_emissive_strength`, leaves the front side; of `doubleSided` materials a warning says so.
+///   Everything else has two equal sides, `doubleSided` or not
+/// - textures of base color, alpha and emission, by any one set of texture coordinates, with `KHR_texture_transform`, filtered as
+///   `magFilter` says; normal maps bring a warning, and their surfaces stay smooth; occlusion is computed, not read
+/// - `KHR_lights_punctual`: `point`, `spot` and `directional`. Between its two angles a spot falls off smoothly; `range`, which
+///   is a hint, changes nothing
+/// - the first camera in perspective, of which `yfov` spans the height; `aspectRatio` times 512 by 512 pixels is the default of
+///   `--resolution`. A file without one is refused: what its pictures should show isn't guessed
+///
+/// Light is photometric in glTF and radiometric here. Its numbers are taken as they are in every channel, a candela for 1 W/sr, a
+/// lux for 1 W/m^2 and a nit for 1 W/(m^2 sr), so that lights keep their proportions and values of pixels are in nits.
+///
+/// Animations are left out with a warning. Refused, or replaced with [`Options::lenient`], are shares of metal or transmission
+/// between 0 and 1, and shares and roughness that a texture varies (taken as the nearest, or the mean); textures on metals and colors of
+/// glass; skins, weights of morph targets, colors of vertices, points, lines; a `wrapT` unlike `wrapS`; and other extensions
+/// of materials, such as clearcoat and unlit. Other extensions that the file requires are refused in any case.
 ///
 /// # scene.toml
 ///
@@ -213,15 +247,15 @@ impl Options {
 ///
 /// # What is read
 ///
-/// The scene file; what it includes; the meshes, images and libraries (`mtllib`) that these name, relative to the file that
+/// The scene file; what it includes; the meshes, buffers, images and libraries (`mtllib`) that these name, relative to the file that
 /// names them: regular files, by whatever path, unless [`Options::no_external`] says that all must lie in the folder of the scene
 /// file or below it, once links are followed. Nothing else is read, nothing is written, and no program is started.
 ///
 /// # Errors
 ///
 /// Whatever keeps the scene from being rendered: files that can't be read, syntax, values out of range, a scene without
-/// light or surfaces, a camera shut in by something dark. Every message names file, line and column, or the object, and
-/// what to do. Memory is proportional to the size of the files; no file makes this function panic.
+/// light or surfaces, a camera shut in by something dark. Every message names file, line and column, or the object or its
+/// place in the JSON, and what to do. Memory is proportional to the size of the files; no file makes this function panic.
 pub fn load(path: &Path) -> Result<Loaded, Error> {
     load_with(path, &Options { definitions: Vec::new(), lenient: false, no_external: false })
 }
@@ -242,11 +276,18 @@ pub fn load_with(path: &Path, options: &Options) -> Result<Loaded, Error> {
 ///
 /// See [`load`].
 pub fn load_parts(path: &Path, options: &Options) -> Result<(Parts, Vec<String>), Error> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("xml")) {
+    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    if ending.as_deref() == Some("xml") {
         return mitsuba::read(path, options);
     }
-    if !options.definitions.is_empty() || options.lenient {
-        let fault = "only scenes of Mitsuba (.xml) take -D and --lenient; leave them out";
+    if !options.definitions.is_empty() {
+        return Err(Error::whole(path, "only scenes of Mitsuba (.xml) take -D; leave it out"));
+    }
+    if let Some("gltf" | "glb") = ending.as_deref() {
+        return gltf::read(path, options);
+    }
+    if options.lenient {
+        let fault = "only scenes of Mitsuba (.xml) and glTF take --lenient; leave it out";
         return Err(Error::whole(path, fault));
     }
     let source = Source::read(path, &options.reach(path))?;

@@ -124,6 +124,9 @@ fn damage() -> impl Strategy<Value = Damage> {
         "end_header\n",
         "newmtl x\n",
         "[[quads]]\n",
+        ",\"mode\":5",
+        ",\"byteStride\":4",
+        "BIN\0",
     ]
     .iter()
     .map(|w| w.as_bytes().to_vec())
@@ -180,6 +183,61 @@ fn load(files: &[(&str, Vec<u8>)]) -> Result<scene::Loaded, String> {
     load_files(&files)
 }
 
+/// A glTF file of everything, its buffer, and both in one: a lamp that two nodes show, by a sparse accessor and a texture.
+fn gltf_files() -> Vec<(&'static str, Vec<u8>)> {
+    let floats = |floats: &[f32]| floats.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>();
+    let bin = [
+        floats(&[-1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0, -1.0, -1.0, 0.0, -1.0]),
+        floats(&[0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]),
+        floats(&[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
+        vec![0, 1, 2, 0, 2, 3, 2, 0],
+        floats(&[1.0, 0.5, -1.0]),
+        image(),
+    ]
+    .concat();
+    let start = bin.len() - image().len();
+    let text = include_str!("everything.gltf")
+        .replace("\"START\"", &start.to_string())
+        .replace("\"LENGTH\"", &image().len().to_string())
+        .replace("\"BYTES\"", &bin.len().to_string());
+    let mut json = text.replace("\"uri\": \"everything.bin\",", "").into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut padded = bin.clone();
+    padded.resize(bin.len().next_multiple_of(4), 0);
+    let word = |n: usize| (n as u32).to_le_bytes();
+    let chunk = |kind: &[u8], data: &[u8]| [&word(data.len()), kind, data].concat();
+    let chunks = [chunk(b"JSON", &json), chunk(b"BIN\0", &padded)].concat();
+    let glb = [b"glTF\x02\0\0\0", &word(chunks.len() + 12)[..], &chunks].concat();
+    vec![("everything.gltf", text.into()), ("everything.bin", bin), ("everything.glb", glb)]
+}
+
+/// A PNG of two texels.
+fn image() -> Vec<u8> {
+    let image = image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba([200, 100, 50, 255 * x as u8]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).expect("bytes take it");
+    bytes.into_inner()
+}
+
+/// Loads the first or the last of the files of glTF, as far as it can be.
+fn load_gltf(files: &[(&str, Vec<u8>)], last: bool) -> Result<Vec<String>, String> {
+    let files: Vec<_> = files.iter().map(|(name, bytes)| (*name, bytes.as_slice())).collect();
+    let folder = common::folder(&files);
+    let path = folder.path().join(if last { files[2].0 } else { files[0].0 });
+    let options = scene::Options { definitions: Vec::new(), lenient: true, no_external: true };
+    let loaded = scene::load_with(&path, &options).map_err(|e| e.to_string())?;
+    assert!(loaded.scene.accel.n_primitives() > 0);
+    Ok(loaded.warnings)
+}
+
+#[test]
+fn whole_files_of_gltf_load() {
+    for last in [false, true] {
+        let warnings = load_gltf(&gltf_files(), last).unwrap();
+        assert!(warnings.is_empty(), "{warnings:?}");
+    }
+}
+
 #[test]
 fn whole_files_load() {
     let loaded = load(&files()).unwrap();
@@ -215,6 +273,23 @@ proptest! {
             Err(message) => {
                 prop_assert!(!message.chars().any(char::is_control), "{message:?}");
             }
+        }
+    }
+
+    #[test]
+    fn damaged_files_of_gltf_give_one_line_or_a_scene(
+        which in 0_usize..3,
+        damages in proptest::collection::vec(damage(), 1..5),
+    ) {
+        let mut files = gltf_files();
+        for damage in &damages {
+            apply(damage, &mut files[which].1);
+        }
+        match load_gltf(&files, which == 2) {
+            Ok(warnings) => {
+                prop_assert!(warnings.iter().all(|w| !w.chars().any(char::is_control)), "{warnings:?}");
+            }
+            Err(message) => prop_assert!(!message.chars().any(char::is_control), "{message:?}"),
         }
     }
 }

@@ -23,6 +23,18 @@ const HEAD: &str = "camera = { origin = [0, 1, 5], target = [0, 1, 0], fov = 40 
 const XML_HEAD: &str = "<scene version=\"3.0.0\"><sensor type=\"perspective\"><float name=\"fov\" value=\"40\"/></sensor>\
     <emitter type=\"constant\"/><shape type=\"rectangle\"/>";
 
+/// A lamp with a texture, and what it names.
+fn gltf(buffer: &str, image: &str) -> String {
+    let text = r#"{ "asset": { "version": "2.0" }, "nodes": [{ "mesh": 0 }, { "camera": 0, "translation": [0, 0, 5] }],
+        "cameras": [{ "perspective": { "yfov": 1 } }],
+        "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": 0 } }, "emissiveFactor": [1, 1, 1] }],
+        "textures": [{ "source": 0 }], "images": [{ "uri": "IMAGE" }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 0 }, "material": 0 }] }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }], "buffers": [{ "byteLength": 36, "uri": "BUFFER" }] }"#;
+    text.replace("IMAGE", image).replace("BUFFER", buffer)
+}
+
 fn toml(rest: &str) -> String {
     format!("{HEAD}{rest}")
 }
@@ -67,6 +79,8 @@ fn kinds() -> Vec<(&'static str, &'static str, String)> {
             xml("<emitter type=\"envmap\"><string name=\"filename\" value=\"FILE\"/></emitter>")
                 .replace("<emitter type=\"constant\"/>", ""),
         ),
+        ("s.gltf", "a.bin", gltf("FILE", "below/stone.png")),
+        ("s.gltf", "stone.png", gltf("below/a.bin", "FILE")),
     ]
 }
 
@@ -107,6 +121,11 @@ fn nothing_outside_the_folder_is_read_without_external_files() {
             let path = |name: &str| top.join(place).join(name);
             fs::write(path("a.ply"), PLY).unwrap();
             fs::write(path("stone.tga"), IMAGE).unwrap();
+            let triangle = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+            fs::write(path("a.bin"), triangle.map(f32::to_le_bytes).concat()).unwrap();
+            image::RgbImage::from_pixel(1, 1, image::Rgb([9, 8, 7]))
+                .save(path("stone.png"))
+                .unwrap();
             fs::write(path("a.mtl"), "newmtl m\nKd 1 1 1\n").unwrap();
             fs::write(path("more.xml"), "<scene version=\"3.0.0\"></scene>").unwrap();
             film::write_exr(&path("stone.exr"), film::Existing::Replace, &picture).unwrap();

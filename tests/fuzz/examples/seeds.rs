@@ -36,6 +36,8 @@ fn main() {
     }
     write("scene_toml", "everything", include_bytes!("../seeds/everything.toml"));
     write("mitsuba", "everything", include_bytes!("../seeds/everything.xml"));
+    let gltf = fs::read_to_string(top.join("crates/scene/tests/everything.gltf")).expect("it is in the repository");
+    write("gltf", "everything", &binary_gltf(&gltf));
     write("obj", "everything", include_bytes!("../seeds/everything.obj"));
     for (name, bytes) in plys() {
         write("ply", name, &bytes);
@@ -45,6 +47,38 @@ fn main() {
         write("serialized", name, &bytes);
     }
     images(&into("image", ""), &into("exr", ""));
+}
+
+/// A PNG of two texels, one of them clear.
+const PNG: &[u8] = b"\x89\x50\x4e\x47\x0d\x0a\x1a\x0a\x00\x00\x00\x0d\x49\x48\x44\x52\x00\x00\x00\x02\x00\x00\x00\x01\x08\x06\x00\x00\
+    \x00\xf4\x22\x7f\x8a\x00\x00\x00\x0f\x49\x44\x41\x54\x78\x9c\x63\x38\x91\x62\xc4\x00\xc4\xff\x01\x0f\xe0\x03\xbc\
+    \x48\x3e\x6a\xa1\x00\x00\x00\x00\x49\x45\x4e\x44\xae\x42\x60\x82";
+
+/// A binary file of that text and the buffer that it names.
+fn binary_gltf(text: &str) -> Vec<u8> {
+    let floats = [
+        &[-1.0_f32, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0, -1.0, -1.0, 0.0, -1.0][..],
+        &[0.0, 1.0, 0.0].repeat(4),
+        &[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0],
+    ]
+    .concat();
+    let mut bin: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+    bin.extend([0, 1, 2, 0, 2, 3, 2, 0]);
+    bin.extend([1.0_f32, 0.5, -1.0].iter().flat_map(|x| x.to_le_bytes()));
+    let start = bin.len();
+    bin.extend(PNG);
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let text = text
+        .replace("\"START\"", &start.to_string())
+        .replace("\"LENGTH\"", &PNG.len().to_string())
+        .replace("\"BYTES\"", &bin.len().to_string())
+        .replace("\"uri\": \"everything.bin\",", "");
+    let mut json = text.into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let word = |n: usize| (n as u32).to_le_bytes();
+    let chunk = |kind: &[u8], data: &[u8]| [&word(data.len())[..], kind, data].concat();
+    let chunks = [chunk(b"JSON", &json), chunk(b"BIN\0", &bin)].concat();
+    [b"glTF\x02\0\0\0", &word(chunks.len() + 12)[..], &chunks].concat()
 }
 
 /// What the target packs: a triangle with a normal each, in single and in double precision.

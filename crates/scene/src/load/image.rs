@@ -42,19 +42,9 @@ pub(super) fn read(reach: &Reach, path: &Path, raw: bool) -> Result<([u32; 2], T
     let bytes = reach.bytes(path).map_err(|cause| format!("cannot read {name}: {cause}"))?;
     // The ending may lie. Targa files begin with nothing of their own.
     let format = image::guess_format(&bytes).unwrap_or(format);
-    let damaged = |e: image::ImageError| format!("cannot read {name}: {e}; save the file anew");
-    let reader = || {
-        let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
-        // The size is checked here, with words of our own.
-        reader.no_limits();
-        reader
-    };
-    let (width, height) = reader().into_dimensions().map_err(damaged)?;
-    check_size(path, [width, height])?;
-    if u64::from(width) * u64::from(height) > MAX_TEXELS_PER_BYTE * bytes.len() as u64 {
-        return Err(format!("{name} promises {width}x{height} texels, for which it is too short"));
-    }
-    let texels = match reader().decode().map_err(damaged)? {
+    let decoded = decode(&name.to_string(), &bytes, format)?;
+    let (width, height) = (decoded.width(), decoded.height());
+    let texels = match decoded {
         image @ (DynamicImage::ImageLuma8(_)
         | DynamicImage::ImageLumaA8(_)
         | DynamicImage::ImageRgb8(_)
@@ -85,7 +75,34 @@ pub(super) fn read(reach: &Reach, path: &Path, raw: bool) -> Result<([u32; 2], T
     Ok(([width, height], texels))
 }
 
-/// The same as linear values times a factor.
+/// Width, height and texels of PNG or JPEG, in rows from above, of four bytes each: color as it is stored, and alpha. Or why
+/// not, in words that begin with the name.
+pub(super) fn rgba(name: &str, bytes: &[u8]) -> Result<([u32; 2], Vec<[u8; 4]>), String> {
+    let format = match image::guess_format(bytes) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        _ => return Err(format!("{name} is neither PNG nor JPEG; save the image as such")),
+    };
+    let image = decode(name, bytes, format)?.into_rgba8();
+    Ok((image.dimensions().into(), image.into_raw().as_chunks().0.to_vec()))
+}
+
+fn decode(name: &str, bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, String> {
+    let damaged = |e: image::ImageError| format!("cannot read {name}: {e}; save the file anew");
+    let reader = || {
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        // The size is checked here, with words of our own.
+        reader.no_limits();
+        reader
+    };
+    let (width, height) = reader().into_dimensions().map_err(damaged)?;
+    check_size(name, [width, height])?;
+    if u64::from(width) * u64::from(height) > MAX_TEXELS_PER_BYTE * bytes.len() as u64 {
+        return Err(format!("{name} promises {width}x{height} texels, for which it is too short"));
+    }
+    reader().decode().map_err(damaged)
+}
+
+/// What [`read`] gives, as linear values times a factor.
 pub(super) fn read_linear(
     reach: &Reach,
     path: &Path,
@@ -116,18 +133,17 @@ fn read_exr(reach: &Reach, path: &Path) -> Result<([u32; 2], Texels), String> {
     reach.real(path).map_err(|cause| format!("cannot read {}: {cause}", path.display()))?;
     let grid = film::read_rgb(path, "").map_err(|e| e.to_string())?;
     let size = [grid.size().width, grid.size().height];
-    check_size(path, size)?;
+    check_size(&path.display().to_string(), size)?;
     Ok((size, linear(path, size[0], grid.values().to_vec())?))
 }
 
-fn check_size(path: &Path, [width, height]: [u32; 2]) -> Result<(), String> {
+fn check_size(name: &str, [width, height]: [u32; 2]) -> Result<(), String> {
     let n_texels = u64::from(width) * u64::from(height);
     if n_texels > 0 && width.max(height) <= MAX_SIDE && n_texels <= MAX_TEXELS {
         return Ok(());
     }
     Err(format!(
-        "{} has {width}x{height} texels; use at least one, at most {MAX_SIDE} a side, and at most {MAX_TEXELS} in all",
-        path.display()
+        "{name} has {width}x{height} texels; use at least one, at most {MAX_SIDE} a side, and at most {MAX_TEXELS} in all"
     ))
 }
 

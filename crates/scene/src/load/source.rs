@@ -82,6 +82,11 @@ impl Source {
     pub(super) fn read(path: &Path, reach: &Reach) -> Result<Self, Error> {
         let bytes =
             reach.bytes(path).map_err(|cause| Error::Read { path: path.to_path_buf(), cause })?;
+        Self::new(path, bytes, reach)
+    }
+
+    /// The text with these bytes, which come from the file.
+    pub(super) fn new(path: &Path, bytes: Vec<u8>, reach: &Reach) -> Result<Self, Error> {
         let reach = reach.clone();
         let text = String::from_utf8(bytes).map_err(|e| {
             let good = e.utf8_error().valid_up_to();
@@ -114,6 +119,14 @@ impl Source {
         let line = before.matches('\n').count() + 1;
         let column = before[line_start..].chars().count() + 1;
         Error::at(&self.path, line, column, fault)
+    }
+
+    /// Something is wrong at a byte of a line, both counted from 1.
+    pub(super) fn fault_at_line(&self, line: usize, byte: usize, fault: String) -> Error {
+        let before: usize =
+            self.text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+        let start = (before + byte.saturating_sub(1)).min(self.text.len());
+        self.fault(start..start, fault)
     }
 
     /// Something about the bytes of `span` that the user should know.
