@@ -147,21 +147,30 @@ impl Options {
 /// rotate = 45              # by how much they are turned after that, counterclockwise
 /// offset = [0.5, 0]        # and moved at last
 ///
-/// [materials.NAME]         # one of the five types
+/// [materials.NAME]         # one of the six types
 /// type = "diffuse"
 /// albedo = [0.7, 0.7, 0.7] # at most 1; both sides reflect alike
 /// albedo_texture = "NAME"  # optional: what albedo is multiplied with from place to place; albedo is 1 by default then
-/// emission = [17, 12, 4]   # radiance of the front side; optional; mirrors and metals take it, too
+/// emission = [17, 12, 4]   # radiance of the front side; optional; mirrors, metals and plastic take it, too
+/// emission_texture = "NAME" # optional: what emission is multiplied with from place to place; emission is 1 by default then
+/// opacity = 0.5            # the part of the surface that is there, 0 to 1; light passes the rest; optional; of all but glass
+///                          # and what emits
+/// opacity_texture = "NAME" # optional: what opacity, 1 by default, is multiplied with, in the mean of its channels
 ///
 /// type = "mirror"
 /// reflectance = 0.9        # at most 1, the same at every angle
 /// albedo = 0.1             # optional; the sum of both is at most 1
-/// roughness = 0.3          # optional, of mirrors, metals and glass: 0 to 1; below 0.02 they are perfectly sharp
+/// roughness = 0.3          # optional, of mirrors, metals, plastic and glass: 0 to 1; below 0.02 they are perfectly sharp
 ///
 /// type = "metal"
 /// preset = "gold"          # or aluminium, chromium, copper, iron, platinum, silver
 /// eta = [0.2, 0.4, 1.4]    # or complex index of refraction, eta + i k, instead of a preset
 /// k = [3.4, 2.3, 1.8]
+///
+/// type = "plastic"         # a diffuse base, of an albedo and its texture as of diffuse, under a coat
+/// ior = 1.5                # of the coat relative to the outside, 0.1 to 10
+/// reflectance = 1          # what reflections by the coat are multiplied with; at most 1, which is the default
+/// nonlinear = true         # let what the coat throws back to the base saturate its color; false is the default
 ///
 /// type = "glass"
 /// ior = 1.5                # inside relative to outside, 0.1 to 10

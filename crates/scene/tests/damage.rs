@@ -13,7 +13,8 @@ fov = 40
 
 [materials]
 white = { type = "diffuse", albedo = [0.7, 0.7, 0.7], emission = 1 }
-gold = { type = "metal", preset = "gold" }
+gold = { type = "metal", preset = "gold", opacity = 0.5 }
+red = { type = "plastic", albedo = [0.7, 0.1, 0.1], ior = 1.5, roughness = 0.2 }
 glass = { type = "glass", ior = 1.5, absorption = [0, 0.1, 0.2] }
 
 [[meshes]]
@@ -37,7 +38,7 @@ material = "white"
 [[boxes]]
 center = [0, 3, 0]
 size = [1, 1, 1]
-material = "white"
+material = "red"
 
 [[spheres]]
 center = [0, 5, 0]

@@ -5,12 +5,19 @@ use toml::Spanned;
 
 use super::assembly::Assembly;
 use super::keys::{Typed, list, span};
+use super::source::MAX_LIGHT;
 use super::source::Source;
 use super::tables::MaterialTable;
-use crate::{Error, LEAST_ROUGHNESS, Material, Specular, TextureId};
+use crate::{Coat, Error, LEAST_ROUGHNESS, Material, Specular, TextureId};
 
 /// Indices of refraction beyond these limits are typing errors.
 pub(super) const IOR_RANGE: std::ops::RangeInclusive<f32> = 0.1..=10.0;
+
+/// Keys of all types but glass and panes.
+const EMISSION: [&str; 2] = ["emission", "emission_texture"];
+
+/// Keys of all types but glass.
+const OPACITY: [&str; 2] = ["opacity", "opacity_texture"];
 
 /// The complex index of refraction of metals at 650, 550 and 450 nm, from measurements collected at refractiveindex.info
 /// (the choice of wavelengths is that of Chaos Group 2016, "Understanding Metalness").
@@ -38,6 +45,7 @@ pub(super) fn material(
         ("albedo", span(&table.albedo)),
         ("albedo_texture", span(&table.albedo_texture)),
         ("emission", span(&table.emission)),
+        ("emission_texture", span(&table.emission_texture)),
         ("reflectance", span(&table.reflectance)),
         ("eta", span(&table.eta)),
         ("k", span(&table.k)),
@@ -45,11 +53,16 @@ pub(super) fn material(
         ("ior", span(&table.ior)),
         ("absorption", span(&table.absorption)),
         ("roughness", span(&table.roughness)),
+        ("nonlinear", span(&table.nonlinear)),
+        ("opacity", span(&table.opacity)),
+        ("opacity_texture", span(&table.opacity_texture)),
     ];
+    let take = |keys: &[&str]| typed.take_only(&given, &[keys, &EMISSION, &OPACITY].concat());
+    let roughness = roughness(source, table, &of("roughness"))?;
     let (mut albedo, mut albedo_texture) = (Rgb::BLACK, None);
     let specular = match table.kind.get_ref().as_str() {
         "diffuse" => {
-            typed.take_only(&given, &["albedo", "albedo_texture", "emission"])?;
+            take(&["albedo", "albedo_texture"])?;
             if table.albedo_texture.is_none() {
                 typed.need(&table.albedo, "albedo")?;
             }
@@ -57,16 +70,31 @@ pub(super) fn material(
             Specular::None
         }
         "mirror" => {
-            let keys = ["reflectance", "albedo", "albedo_texture", "roughness", "emission"];
-            typed.take_only(&given, &keys)?;
+            take(&["reflectance", "albedo", "albedo_texture", "roughness"])?;
             let written = typed.need(&table.reflectance, "reflectance")?;
             let reflectance = source.share(written, &of("reflectance"))?;
             (albedo, albedo_texture) = diffuse(assembly, &object, table, reflectance)?;
             Specular::Mirror { reflectance }
         }
         "metal" => {
-            typed.take_only(&given, &["eta", "k", "preset", "roughness", "emission"])?;
+            take(&["eta", "k", "preset", "roughness"])?;
             metal(source, &typed, table)?
+        }
+        "plastic" => {
+            take(&["albedo", "albedo_texture", "ior", "reflectance", "nonlinear", "roughness"])?;
+            if table.albedo_texture.is_none() {
+                typed.need(&table.albedo, "albedo")?;
+            }
+            // The coat takes from the base what it reflects.
+            (albedo, albedo_texture) = diffuse(assembly, &object, table, Rgb::BLACK)?;
+            let ior = ior(source, &typed, table)?;
+            let reflectance = match &table.reflectance {
+                Some(written) => source.share(written, &of("reflectance"))?,
+                None => Rgb::ONE,
+            };
+            let is_nonlinear = table.nonlinear.as_ref().is_some_and(|n| *n.get_ref());
+            let of_coat = if roughness < LEAST_ROUGHNESS { 0.0 } else { roughness };
+            Specular::Coat(Coat::new(ior, reflectance, is_nonlinear, of_coat))
         }
         "glass" => {
             if let Some(emission) = &table.emission {
@@ -89,29 +117,31 @@ pub(super) fn material(
             Specular::Glass { ior, absorption }
         }
         "pane" => {
-            typed.take_only(&given, &["ior"])?;
+            typed.take_only(&given, &[&["ior"], OPACITY.as_slice()].concat())?;
             let ior = ior(source, &typed, table)?;
             Specular::Pane { ior }
         }
-        _ => return Err(typed.unknown(&["diffuse", "mirror", "metal", "glass", "pane"])),
+        _ => return Err(typed.unknown(&["diffuse", "mirror", "metal", "plastic", "glass", "pane"])),
     };
-    let emission = match &table.emission {
-        Some(emission) => source.amount(emission, &of("emission"))?,
-        None => Rgb::BLACK,
-    };
-    let roughness = match &table.roughness {
-        Some(written) => {
-            let roughness = source.number(written, &of("roughness"))?;
-            if !(0.0..=1.0).contains(&roughness) {
-                let fault = format!("{} is {roughness}; use 0 to 1", of("roughness"));
-                return Err(source.fault(written.span(), fault));
-            }
-            roughness
-        }
-        None => 0.0,
-    };
+    let (emission, emission_texture) = emission(assembly, &object, table)?;
+    let (opacity, opacity_texture) = opacity(assembly, &object, table)?;
+    if !emission.is_black() && (opacity < 1.0 || opacity_texture.is_some()) {
+        let span = span(&table.opacity).or(span(&table.opacity_texture)).unwrap_or_default();
+        let fault = format!("{object} emits and lets light pass; keep one of the two");
+        return Err(source.fault(span, fault));
+    }
     let black = Material::black(name);
-    let material = Material { albedo, albedo_texture, specular, roughness, emission, ..black };
+    let material = Material {
+        albedo,
+        albedo_texture,
+        specular,
+        roughness,
+        emission,
+        emission_texture,
+        opacity,
+        opacity_texture,
+        ..black
+    };
     if let Some(written) = &table.roughness
         && roughness > 0.0
         && !material.is_rough()
@@ -125,6 +155,65 @@ pub(super) fn material(
         assembly.warnings.push(source.warning(written.span(), warning));
     }
     Ok(material)
+}
+
+fn roughness(source: &Source, table: &MaterialTable, what: &str) -> Result<f32, Error> {
+    let Some(written) = &table.roughness else { return Ok(0.0) };
+    let roughness = source.number(written, what)?;
+    if (0.0..=1.0).contains(&roughness) {
+        return Ok(roughness);
+    }
+    Err(source.fault(written.span(), format!("{what} is {roughness}; use 0 to 1")))
+}
+
+/// The emission of a table and what it is multiplied with.
+fn emission(
+    assembly: &mut Assembly<'_>,
+    object: &str,
+    table: &MaterialTable,
+) -> Result<(Rgb, Option<TextureId>), Error> {
+    let what = format!("the emission of {object}");
+    let emission = match (&table.emission, &table.emission_texture) {
+        (Some(written), _) => assembly.source.amount(written, &what)?,
+        (None, Some(_)) => Rgb::ONE,
+        (None, None) => Rgb::BLACK,
+    };
+    let Some(name) = &table.emission_texture else { return Ok((emission, None)) };
+    let (id, largest) = assembly.texture(name, object)?;
+    if emission.max_channel() * largest > MAX_LIGHT {
+        let fault = format!("{what} reaches more than {MAX_LIGHT:e} with its texture; lower it");
+        return Err(assembly.source.fault(name.span(), fault));
+    }
+    // What is black emits nothing, and a texture of black is no light either.
+    let is_lit = !emission.is_black() && largest > 0.0;
+    Ok(if is_lit { (emission, Some(id)) } else { (Rgb::BLACK, None) })
+}
+
+/// The opacity of a table and what it is multiplied with.
+fn opacity(
+    assembly: &mut Assembly<'_>,
+    object: &str,
+    table: &MaterialTable,
+) -> Result<(f32, Option<TextureId>), Error> {
+    let what = format!("the opacity of {object}");
+    let opacity = match &table.opacity {
+        Some(written) => {
+            let opacity = assembly.source.number(written, &what)?;
+            if !(0.0..=1.0).contains(&opacity) {
+                let fault = format!("{what} is {opacity}; use 0 to 1");
+                return Err(assembly.source.fault(written.span(), fault));
+            }
+            opacity
+        }
+        None => 1.0,
+    };
+    let Some(name) = &table.opacity_texture else { return Ok((opacity, None)) };
+    let (id, largest) = assembly.texture(name, object)?;
+    if opacity * largest > 1.0 {
+        let fault = format!("{what} reaches {} with its texture; use at most 1", opacity * largest);
+        return Err(assembly.source.fault(name.span(), fault));
+    }
+    Ok((opacity, Some(id)))
 }
 
 fn ior(source: &Source, typed: &Typed<'_>, table: &MaterialTable) -> Result<f32, Error> {

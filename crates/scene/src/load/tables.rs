@@ -68,6 +68,7 @@ pub(super) struct MaterialTable {
     pub(super) albedo: Option<Spanned<Color>>,
     pub(super) albedo_texture: Option<Spanned<String>>,
     pub(super) emission: Option<Spanned<Color>>,
+    pub(super) emission_texture: Option<Spanned<String>>,
     pub(super) reflectance: Option<Spanned<Color>>,
     pub(super) eta: Option<Spanned<Color>>,
     pub(super) k: Option<Spanned<Color>>,
@@ -75,6 +76,9 @@ pub(super) struct MaterialTable {
     pub(super) ior: Option<Spanned<f64>>,
     pub(super) absorption: Option<Spanned<Color>>,
     pub(super) roughness: Option<Spanned<f64>>,
+    pub(super) nonlinear: Option<Spanned<bool>>,
+    pub(super) opacity: Option<Spanned<f64>>,
+    pub(super) opacity_texture: Option<Spanned<String>>,
 }
 
 #[derive(Debug, Deserialize)]
