@@ -1,5 +1,6 @@
 //! Where smooth parts of the surfaces end.
 
+use base::hash_u64;
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -59,21 +60,10 @@ struct Side {
 impl Creases {
     /// Finds the creases of all triangles whose material counts.
     pub fn find(meshes: &[Mesh], counts: impl Fn(MaterialId) -> bool) -> Self {
-        let mut sides = Vec::new();
-        for mesh in meshes {
-            let triangles = (0..mesh.triangles.len()).filter(|&t| counts(mesh.materials[t]));
-            triangles.for_each(|t| sides.extend(sides_of(mesh, t)));
-        }
-        sides.sort_by_key(|side| side.ends);
-        let mut creases = Vec::new();
-        for at_edge in sides.chunk_by(|a, b| a.ends == b.ends) {
-            let at_edge = &at_edge[..at_edge.len().min(MAX_AT_EDGE)];
-            let turned = at_edge.iter().map(|side| {
-                let turn = at_edge.iter().map(|other| turn(side, other)).reduce(f32::min);
-                Crease { turn: turn.unwrap_or(f32::INFINITY), ..side.crease }
-            });
-            creases.extend(turned.filter(|crease| crease.turn > LEAST_TURN));
-        }
+        let mut creases = sharp_sides(meshes, counts, AT_ONCE);
+        // By the ends, then in the order of the triangles.
+        creases.sort_unstable_by_key(|(side, place)| (side.ends, *place));
+        let creases: Vec<Crease> = creases.into_iter().map(|(side, _)| side.crease).collect();
 
         let boxes: Vec<Aabb> =
             creases.iter().map(|c| Aabb::new(c.from.min(c.to), c.from.max(c.to))).collect();
@@ -103,26 +93,104 @@ impl Creases {
     }
 }
 
-/// The three sides of a triangle.
-fn sides_of(mesh: &Mesh, t: usize) -> [Side; 3] {
+/// Sides that are looked at together: bounds the memory, whatever the mesh.
+const AT_ONCE: usize = 1 << 25;
+
+/// The sides that are creases, each with its place: three times the number of the triangle among all, and which side it is.
+///
+/// Sides at one edge are brought together by a digest of its ends, a share of all digests at a time: sides themselves
+/// would take 336 bytes a triangle.
+fn sharp_sides(
+    meshes: &[Mesh],
+    counts: impl Fn(MaterialId) -> bool,
+    at_once: usize,
+) -> Vec<(Side, u64)> {
+    let firsts: Vec<u64> = (meshes.iter())
+        .scan(0, |first, mesh| {
+            let this = *first;
+            *first += mesh.triangles.len() as u64;
+            Some(this)
+        })
+        .collect();
+    let side_at = |place: u64| {
+        let triangle = place / 3;
+        let mesh = firsts.partition_point(|&first| first <= triangle) - 1;
+        side(&meshes[mesh], (triangle - firsts[mesh]) as usize, (place % 3) as usize)
+    };
+    let n_sides: usize = meshes.iter().map(|mesh| 3 * mesh.triangles.len()).sum();
+    let n_shares = n_sides.div_ceil(at_once).max(1);
+    let share_of = |digest: u64| ((u128::from(digest) * n_shares as u128) >> 64) as usize;
+    let mut creases = Vec::new();
+    let (mut digests, mut at_edge) = (Vec::new(), Vec::new());
+    for share in 0..n_shares {
+        digests.clear();
+        for (mesh, first) in meshes.iter().zip(&firsts) {
+            let triangles = (0..mesh.triangles.len()).filter(|&t| counts(mesh.materials[t]));
+            for (t, k) in triangles.flat_map(|t| (0..3).map(move |k| (t, k))) {
+                let digest = digest(ends(mesh, t, k));
+                if share_of(digest) == share {
+                    digests.push((digest, 3 * (first + t as u64) + k as u64));
+                }
+            }
+        }
+        digests.sort_unstable();
+        for alike in digests.chunk_by(|a, b| a.0 == b.0) {
+            at_edge.clear();
+            at_edge.extend(alike.iter().map(|&(_, place)| (side_at(place), place)));
+            // Edges of one digest are as good as never there, but they may be.
+            at_edge.sort_by_key(|(side, _)| side.ends);
+            for at_edge in at_edge.chunk_by(|a: &(Side, u64), b| a.0.ends == b.0.ends) {
+                let at_edge = &at_edge[..at_edge.len().min(MAX_AT_EDGE)];
+                let turned = at_edge.iter().map(|(side, place)| {
+                    let turn = at_edge.iter().map(|(other, _)| turn(side, other));
+                    let turn = turn.reduce(f32::min).unwrap_or(f32::INFINITY);
+                    (Side { crease: Crease { turn, ..side.crease }, ..*side }, *place)
+                });
+                creases.extend(turned.filter(|(side, _)| side.crease.turn > LEAST_TURN));
+            }
+        }
+    }
+    creases
+}
+
+/// The corners between which a side of a triangle lies, the lower bits first, and these.
+#[inline]
+fn ordered(mesh: &Mesh, t: usize, k: usize) -> [(usize, [u32; 3]); 2] {
+    let indices = mesh.triangles[t];
+    // Adding 0 turns -0 into it.
+    let bits = |corner: usize| {
+        let p = mesh.positions[indices[corner] as usize] + Vec3::ZERO;
+        (corner, p.to_array().map(f32::to_bits))
+    };
+    let (a, b) = (bits(k), bits((k + 1) % 3));
+    if a.1 <= b.1 { [a, b] } else { [b, a] }
+}
+
+#[inline]
+fn ends(mesh: &Mesh, t: usize, k: usize) -> [[u32; 3]; 2] {
+    ordered(mesh, t, k).map(|(_, bits)| bits)
+}
+
+/// That of the lower end first: sides that share it lie together when digests are sorted, and so do their triangles in
+/// the processor's cache.
+#[inline]
+fn digest(ends: [[u32; 3]; 2]) -> u64 {
+    let [a, b] = ends.map(|[x, y, z]| hash_u64(u64::from(x) << 32 | u64::from(y), u64::from(z)));
+    a >> 32 << 32 | b >> 32
+}
+
+/// Side `k` of a triangle, from its corner `k` to the next.
+#[inline]
+fn side(mesh: &Mesh, t: usize, k: usize) -> Side {
     let corners = mesh.corners(t).map(Vec3A::from);
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
-    // Adding 0 turns -0 into it.
-    let bits = corners.map(|p| Vec3::from(p + Vec3A::ZERO).to_array().map(f32::to_bits));
-    [(0, 1), (1, 2), (2, 0)].map(|(a, b)| {
-        let inward = normal.cross(corners[b] - corners[a]).normalize_or_zero();
-        let (a, b) = if bits[a] <= bits[b] { (a, b) } else { (b, a) };
-        Side {
-            ends: [bits[a], bits[b]],
-            crease: Crease {
-                from: corners[a],
-                to: corners[b],
-                normal,
-                inward,
-                turn: f32::INFINITY,
-            },
-        }
-    })
+    let along = corners[(k + 1) % 3] - corners[k];
+    let inward = normal.cross(along).normalize_or_zero();
+    let [(a, start), (b, end)] = ordered(mesh, t, k);
+    Side {
+        ends: [start, end],
+        crease: Crease { from: corners[a], to: corners[b], normal, inward, turn: f32::INFINITY },
+    }
 }
 
 /// The sine of the angle by which a triangle turns away from another, if it goes on there: in nearly the same plane,
@@ -176,6 +244,29 @@ mod tests {
             creases.retain(|c| c.from == Vec3A::ZERO && c.to == Vec3A::Y);
             let turns: Vec<f32> = creases.iter().map(|c| c.turn).collect();
             assert!(turns.iter().all(|t| *t == turn || (t - turn).abs() < 1e-3), "{turns:?}");
+        }
+    }
+
+    #[test]
+    fn shares_of_the_sides_hold_the_creases_of_all() {
+        let mut rng = Rng::new(1, Stream::Test, 0);
+        let mut meshes = vec![Mesh::default(); 3];
+        for (i, mesh) in meshes.iter_mut().enumerate() {
+            mesh.positions = (0..30).map(|_| warp::uniform_sphere(rng.next_2d()).into()).collect();
+            for _ in 0..200 * i {
+                mesh.triangles.push([0; 3].map(|_| rng.next_u32() % 30));
+                mesh.materials.push(MaterialId(0));
+            }
+        }
+        let found = |at_once: usize| {
+            let mut sides = sharp_sides(&meshes, |_| true, at_once);
+            sides.sort_unstable_by_key(|(_, place)| *place);
+            sides.into_iter().map(|(side, place)| (side.crease, place)).collect::<Vec<_>>()
+        };
+        let all = found(AT_ONCE);
+        assert!(all.len() > 1000);
+        for at_once in [1, 100, 1799] {
+            assert!(found(at_once) == all, "{at_once} sides at once");
         }
     }
 

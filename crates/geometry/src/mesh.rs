@@ -27,6 +27,7 @@ pub struct Mesh {
 
 impl Mesh {
     /// The corners of a triangle.
+    #[inline]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|i| self.positions[i as usize])
     }
