@@ -25,11 +25,12 @@ pub(crate) fn render(
         counts += c;
         seconds[component] = clock.lap();
     }
-    let origins = Components::from_fn(|_| {
-        Grid::from_fn(frame.size(), |p| {
-            if frame.point(p).is_some() { Origin::Traced } else { Origin::None }
-        })
-    });
+    let size = frame.size();
+    let origin = |p| match frame.shows_surface(size.index(p)) {
+        true => Origin::Traced,
+        false => Origin::None,
+    };
+    let origins = Components::from_fn(|_| Grid::from_fn(size, origin));
     let traced = Components::from_fn(|_| pixels.len() as u64);
     Ok(Rendered {
         values,

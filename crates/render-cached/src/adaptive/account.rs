@@ -160,7 +160,7 @@ pub(crate) fn origins(
     let size = frame.size();
     Components::from_fn(|component| {
         Grid::from_fn(size, |pixel| match reasons[component][size.index(pixel)] {
-            _ if frame.surfaces()[pixel].is_none() => Origin::None,
+            _ if !frame.shows_surface(size.index(pixel)) => Origin::None,
             Reason::Interpolated => Origin::Interpolated,
             reason if reason.is_reuse() => Origin::Known,
             _ => Origin::Traced,

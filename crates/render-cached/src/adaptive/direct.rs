@@ -335,7 +335,7 @@ fn verify(
         let gain = rule.gain(i);
         gain > tolerance.error * rule.reference(i, value)
     };
-    let surfaces = account.frame.surfaces().values();
+    let frame = account.frame;
     let rows: Vec<u32> = (0..size.height).collect();
     let rows_apart = if shader.settings.shadow_rays < MANY_RAYS { 2 } else { 1 };
     let contradicted = account.overhead(&rows, |&y, work| {
@@ -348,7 +348,7 @@ fn verify(
             if (pixel.x + pixel.y / rows_apart) % 2 == 1 || pixel.y % rows_apart != 0 {
                 continue;
             }
-            let (Some(site), Some(surface)) = (&view.sites.values()[i], &surfaces[i]) else {
+            let (Some(site), Some(surface)) = (&view.sites.values()[i], frame.surface(i)) else {
                 continue;
             };
             if is_sure && !visibility.is_exact(i) && matters(i, value) {

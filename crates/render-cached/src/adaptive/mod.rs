@@ -17,8 +17,9 @@ mod view;
 mod whole;
 
 use base::{Component, Components, Grid, Inventory, Rgb, math::FRAC_1_PI};
-use cache_map::{Reason, RecordSet, Tolerance};
+use cache_map::{Layer, Reason, RecordSet, Tolerance};
 use cli::Clock;
+use rayon::prelude::*;
 
 use crate::Args;
 use crate::frame::Frame;
@@ -143,15 +144,6 @@ pub(crate) fn render(
         glossy.look_up(&view, &finished, &mut account)?;
     }
 
-    let size = frame.size();
-    let mut values = Components::from_fn(|_| Grid::from_fn(size, |_| Rgb::BLACK));
-    for i in 0..size.n_pixels() {
-        let albedo = view.albedo(i) * FRAC_1_PI;
-        values.direct.values_mut()[i] = albedo * direct.irradiance(i);
-        values.indirect.values_mut()[i] = albedo * indirect.irradiance(i);
-        values.caustic.values_mut()[i] = albedo * caustic.irradiance(i);
-        values.specular.values_mut()[i] = specular.radiance(i) + glossy.radiance(i);
-    }
     saved.check_untouched()?;
     if let Some(path) = &args.paper.save_cache {
         let views = saved.set.views;
@@ -165,20 +157,40 @@ pub(crate) fn render(
             !(direct.uses_nearby() || is_nearby(&indirect.layer.reasons) || specular.uses_nearby());
         records::save(path, args, frame, inputs, &mut set, is_complete)?;
     }
-    let (mut specular_reasons, mut specular_levels) =
-        (specular.reasons(), vec![0; size.n_pixels()]);
+    // One component after the other, each freed when its radiance is there.
+    let size = frame.size();
+    let grid = |radiance: &(dyn Fn(usize) -> Rgb + Sync)| {
+        let values = (0..n).into_par_iter().with_min_len(4096).map(radiance).collect();
+        Grid::from_values(size, values)
+    };
+    let diffuse = |i: usize, irradiance: Rgb| view.albedo(i) * FRAC_1_PI * irradiance;
+    let of_direct = grid(&|i| diffuse(i, direct.irradiance(i)));
+    let (direct_reasons, direct_levels) = (direct.reasons(), direct.levels());
+    drop(direct);
+    let of_indirect = grid(&|i| diffuse(i, indirect.irradiance(i)));
+    let Layer { reasons: indirect_reasons, levels: indirect_levels, .. } = indirect.layer;
+    let of_caustic = grid(&|i| diffuse(i, caustic.irradiance(i)));
+    let Layer { reasons: caustic_reasons, levels: caustic_levels, .. } = caustic.layer;
+    let of_specular = grid(&|i| specular.radiance(i) + glossy.radiance(i));
+    let (mut specular_reasons, mut specular_levels) = (specular.reasons(), vec![0; n]);
     glossy.tell(&mut specular_reasons, &mut specular_levels);
+    let values = Components {
+        direct: of_direct,
+        indirect: of_indirect,
+        specular: of_specular,
+        caustic: of_caustic,
+    };
     let reasons = Components {
-        direct: direct.reasons(),
-        indirect: indirect.layer.reasons,
-        caustic: caustic.layer.reasons,
+        direct: direct_reasons,
+        indirect: indirect_reasons,
         specular: specular_reasons,
+        caustic: caustic_reasons,
     };
     let levels = Components {
-        direct: direct.levels(),
-        indirect: indirect.layer.levels,
-        caustic: caustic.layer.levels,
+        direct: direct_levels,
+        indirect: indirect_levels,
         specular: specular_levels,
+        caustic: caustic_levels,
     };
     Ok(account.finish(values, reasons, levels, error))
 }

@@ -25,10 +25,10 @@ impl View {
         let size = frame.size();
         let scene = frame.shader().scene;
         let (mut sites, mut albedo) = (Vec::new(), Vec::new());
-        (frame.surfaces().values().par_iter())
+        (0..size.n_pixels())
+            .into_par_iter()
             .with_min_len(4096)
-            .enumerate()
-            .map(|(i, surface)| match surface {
+            .map(|i| match &frame.surface(i) {
                 Some(surface) if scene.material(surface).is_diffuse() => {
                     let to_eye = frame.eye(size.pixel(i)) - surface.position;
                     let facing = surface.facing(to_eye);

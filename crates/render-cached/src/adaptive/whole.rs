@@ -27,7 +27,7 @@ const PROBES: usize = 64;
 /// Whether a cache saves time.
 pub(crate) fn cache_pays(account: &mut Account<'_, '_>) -> Result<bool, Interrupted> {
     let frame = account.frame;
-    let n_pixels = frame.surfaces().values().iter().flatten().count();
+    let n_pixels = (0..frame.size().n_pixels()).filter(|&i| frame.shows_surface(i)).count();
     if n_pixels < FEWEST_PIXELS {
         return Ok(false);
     }
@@ -58,9 +58,9 @@ pub(crate) fn render(
 ) -> Result<Rendered, Interrupted> {
     let rendered = original::render(frame, clock, progress)?;
     let size = frame.size();
-    let reason = |i: usize| match frame.surfaces().values()[i] {
-        Some(_) => Reason::Whole,
-        None => Reason::Interpolated,
+    let reason = |i: usize| match frame.shows_surface(i) {
+        true => Reason::Whole,
+        false => Reason::Interpolated,
     };
     let reasons = Components::from_fn(|_: Component| (0..size.n_pixels()).map(reason).collect());
     let levels = Components::from_fn(|_| vec![0; size.n_pixels()]);
