@@ -1,6 +1,6 @@
 // Rays by Embree, one at a time on one thread, watertight: the triangles, then sets of rays (origin, direction, length).
 //
-// "closest SET N" and "occluded SET N" trace a set N times; the checksum is the number of hits.
+// "closest-hit SET N" and "occlusion SET N" trace a set N times; the checksum is the number of hits.
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
@@ -47,7 +47,7 @@ int main(int, char** argv) {
     unsigned long long n;
     while (std::scanf("%15s %u %llu", what, &set, &n) == 3) {
         const Array& rays = arrays[1 + set];
-        const bool closest = std::strcmp(what, "closest") == 0;
+        const bool closest = std::strcmp(what, "closest-hit") == 0;
         answer(n, [&] {
             std::size_t hits = 0;
             for (std::size_t i = 0; i + 7 <= rays.size(); i += 7) {

@@ -302,10 +302,12 @@ impl Accel {
         self.bounds
     }
 
-    /// The corners of all triangles, in no order that means anything.
+    /// The corners of all triangles, in world space, in no order that means anything.
     pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
         let is_triangle = |p: &&Primitive| matches!(p.shape(), Shape::Triangle { .. });
-        self.primitives.iter().filter(is_triangle).map(Primitive::corners)
+        let to_world = 1.0 / self.scale;
+        let triangles = self.primitives.iter().filter(is_triangle);
+        triangles.map(move |p| p.corners().map(|corner| corner * to_world))
     }
 
     /// Triangles and spheres.
@@ -385,6 +387,25 @@ mod tests {
         for degenerate in [0.0, f32::INFINITY, f32::NAN] {
             assert_eq!(power_of_two_scale(degenerate), 1.0);
         }
+    }
+
+    #[test]
+    fn triangles_are_lent_as_they_were_given() {
+        let corners = [Vec3::ZERO, Vec3::X * 3.0, Vec3::new(0.1, 7.0, 0.3)];
+        let mesh = Mesh {
+            positions: corners.to_vec(),
+            triangles: vec![[0, 1, 2]],
+            materials: vec![MaterialId(0)],
+            ..Mesh::default()
+        };
+        let sphere = Sphere {
+            center: Vec3::ONE,
+            radius: 0.5,
+            rotation: Quat::IDENTITY,
+            material: MaterialId(0),
+        };
+        let accel = Accel::build(&[mesh], &[sphere]);
+        assert_eq!(accel.triangles().collect::<Vec<_>>(), [corners]);
     }
 
     #[test]
