@@ -210,8 +210,27 @@ impl Accel {
     /// What lies at a hit of `ray`.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        self.surface_of(ray, hit.slot).0
+    }
+
+    /// What lies where a ray meets the primitive that a surface has named; nothing if its line passes by, or there is no
+    /// such primitive.
+    ///
+    /// If the primitive is the nearest, this is what [`Accel::closest_hit`] leads to, without looking for it.
+    #[inline]
+    pub fn surface_on(&self, ray: &Ray, primitive: u32) -> Option<Surface> {
+        if primitive as usize >= self.primitives.len() {
+            return None;
+        }
+        let (surface, is_met) = self.surface_of(ray, primitive);
+        is_met.then_some(surface)
+    }
+
+    /// The surface of a primitive where a ray meets it, and whether its line does.
+    #[inline(always)]
+    fn surface_of(&self, ray: &Ray, slot: u32) -> (Surface, bool) {
         let ray = self.sheared(ray);
-        let primitive = &self.primitives[hit.slot as usize];
+        let primitive = &self.primitives[slot as usize];
         match primitive.shape() {
             Shape::Triangle { id } => {
                 let [a, b, c] = primitive.corners();
@@ -223,15 +242,17 @@ impl Accel {
                 let surface = self.at(position, normal, largest, self.owners[id as usize]);
                 let shading_normal =
                     self.shading_normal(id, weights.as_vec3(), surface.geometric_normal);
-                Surface { shading_normal, primitive: hit.slot, ..surface }
+                let surface = Surface { shading_normal, primitive: slot, ..surface };
+                (surface, weights.cmpge(DVec3::ZERO).all())
             }
             Shape::Sphere { id, center, radius } => {
                 let (center, radius) = (center.as_dvec3(), f64::from(radius));
-                let normal = (ray.at(ray.sphere(center, radius)) - center).normalize();
+                let t = ray.sphere(center, radius);
+                let normal = (ray.at(t) - center).normalize();
                 let largest = center.abs() + radius;
                 let owner = self.owners[(self.n_triangles + id) as usize];
                 let surface = self.at(center + normal * radius, normal, largest, owner);
-                Surface { primitive: hit.slot, ..surface }
+                (Surface { primitive: slot, ..surface }, t > 0.0 && t.is_finite())
             }
         }
     }

@@ -19,6 +19,7 @@ use crate::{Array, Error, Header, codec};
 pub struct MapFile {
     path: PathBuf,
     header: Header,
+    digest: u64,
     bytes: Arc<Bytes>,
     sections: Vec<(Entry, Range<usize>)>,
     /// Whether sections were verified when the map was opened, rather than when they are asked for.
@@ -75,8 +76,8 @@ impl MapFile {
         }
         match read_directory(&bytes, block) {
             Ok((sections, metadata)) => {
-                let (path, bytes) = (path.into(), Arc::new(bytes));
-                Ok((Self { path, header, bytes, sections, is_verified: false }, metadata))
+                let (path, bytes, digest) = (path.into(), Arc::new(bytes), block.xxh3);
+                Ok((Self { path, header, digest, bytes, sections, is_verified: false }, metadata))
             }
             Err((offset, what)) => Err(Error::Corrupt {
                 path: path.into(),
@@ -102,6 +103,12 @@ impl MapFile {
     /// What the map says about itself.
     pub fn header(&self) -> &Header {
         &self.header
+    }
+
+    /// A digest of all that the map holds: of its metadata and of the digests of its sections. Those may not have been
+    /// verified yet.
+    pub fn digest(&self) -> u64 {
+        self.digest
     }
 
     /// To be asked before anything that was made with the map is shown: bytes that were verified may have been

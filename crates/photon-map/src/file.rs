@@ -158,24 +158,42 @@ impl PhotonMaps {
     /// # Errors
     /// When the file can't be read, is something else, of another version, or damaged.
     pub fn open(path: &Path) -> Result<(Self, MapFile), Error> {
-        let (file, Contents { metadata, sets }) = MapFile::open(path, KIND, VERSION)?;
+        let (file, contents) = MapFile::open(path, KIND, VERSION)?;
+        let maps = Self::read(contents, &file, |set| read_set(&file, set))?;
+        Ok((maps, file))
+    }
+
+    /// Opens a file as [`PhotonMaps::open`] does, but leaves its photons where they are, unread: all sets are empty. For
+    /// who asks what made them, and which they are ([`MapFile::digest`]).
+    ///
+    /// # Errors
+    /// Those of [`PhotonMaps::open`], but for what is wrong with photons.
+    pub fn open_without_photons(path: &Path) -> Result<(Self, MapFile), Error> {
+        let (file, contents) = MapFile::open_in_part(path, KIND, VERSION)?;
+        let maps = Self::read(contents, &file, |_| Ok(PhotonSet::build(&[])))?;
+        Ok((maps, file))
+    }
+
+    fn read(
+        Contents { metadata, sets }: Contents,
+        file: &MapFile,
+        read_set: impl Fn(&SetMetadata) -> Result<PhotonSet, Error>,
+    ) -> Result<Self, Error> {
         let set = |class: PhotonClass| {
-            let found = sets.iter().find(|s| s.class == class.name());
-            found.map(|s| read_set(&file, s)).transpose()
+            sets.iter().find(|s| s.class == class.name()).map(&read_set).transpose()
         };
         let required = |class: PhotonClass| {
             set(class)?.ok_or_else(|| {
                 file.corrupt(format!("the set of {} photons is missing", class.name()))
             })
         };
-        let maps = Self {
+        Ok(Self {
             direct: set(PhotonClass::Direct)?,
             caustic: required(PhotonClass::Caustic)?,
             indirect: required(PhotonClass::Indirect)?,
             focused: set(PhotonClass::Focused)?,
             metadata,
-        };
-        Ok((maps, file))
+        })
     }
 }
 

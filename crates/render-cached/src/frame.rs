@@ -17,6 +17,9 @@ pub(crate) const CHUNK: usize = 512;
 /// The side of the squares in which pixels are visited, so that neighbours in work are neighbours in space.
 const TILE: u32 = 32;
 
+/// No primitive: an eye ray that meets nothing.
+pub(crate) const NOTHING: u32 = u32::MAX;
+
 /// What the eye sees in a window of a picture, one ray through the middle of each pixel. Pixels count from its corner.
 #[derive(Debug)]
 pub(crate) struct Frame<'a> {
@@ -96,8 +99,8 @@ impl<'a> Frame<'a> {
                                 return None;
                             }
                             let ray = eye_ray(shader, window, size.pixel(i));
-                            let point = shader.eye_point(&ray, &mut work);
-                            *surface = point.map(|point| Seen::new(&point.surface));
+                            let met = shader.eye_surface(&ray, &mut work);
+                            *surface = met.map(|surface| Seen::new(&surface));
                         }
                     }
                 }
@@ -107,6 +110,38 @@ impl<'a> Frame<'a> {
         let mut sum = Counts::default();
         counts.ok_or(Interrupted)?.into_iter().for_each(|counts| sum += counts);
         Ok((Self { shader, window, surfaces: Grid::from_values(size, surfaces) }, sum))
+    }
+
+    /// Takes the primitives that the eye rays meet first, instead of looking for them: [`NOTHING`] where there is none.
+    /// Nothing if there is an eye ray that doesn't meet its primitive.
+    pub(crate) fn meeting(
+        shader: &'a Shader<'a>,
+        window: Window,
+        primitives: &[u32],
+        watch: Watch<'_>,
+    ) -> Result<Option<Self>, Interrupted> {
+        let (size, accel) = (window.size, &shader.scene.accel);
+        let mut surfaces = vec![None; size.n_pixels()];
+        let chunks = surfaces.par_chunks_mut(CHUNK).zip(primitives.par_chunks(CHUNK)).enumerate();
+        let all_meet = chunks.map(|(chunk, (surfaces, primitives))| {
+            let pixels = (chunk * CHUNK..).map(|i| size.pixel(i));
+            for ((pixel, surface), &primitive) in pixels.zip(surfaces).zip(primitives) {
+                if primitive != NOTHING {
+                    let ray = eye_ray(shader, window, pixel);
+                    let Some(met) = accel.surface_on(&ray, primitive) else { return Ok(false) };
+                    *surface = Some(Seen::new(&met));
+                }
+            }
+            if watch(CHUNK as u64) { Ok(true) } else { Err(Interrupted) }
+        });
+        let all_meet = all_meet.try_reduce(|| true, |a, b| Ok(a && b))?;
+        Ok(all_meet.then(|| Self { shader, window, surfaces: Grid::from_values(size, surfaces) }))
+    }
+
+    /// The primitives that the eye rays meet first; [`NOTHING`] where there is none.
+    pub(crate) fn primitives(&self) -> Vec<u32> {
+        let primitive = |seen: &Option<Seen>| seen.map_or(NOTHING, |seen| seen.primitive);
+        self.surfaces.values().iter().map(primitive).collect()
     }
 
     pub(crate) fn window(&self) -> Window {

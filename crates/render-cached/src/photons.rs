@@ -4,12 +4,24 @@ use std::ffi::OsString;
 use std::path::Path;
 
 use anyhow::bail;
+use base::Fingerprint;
 use cli::SceneOptions;
 use mapfile::{Error, Header, MapFile};
 use photon_map::PhotonMaps;
 use scene::Scene;
 
-/// Opens the photon maps of a scene, and their file.
+/// Photon maps, the file where they lie, and a digest of all photons.
+#[derive(Debug)]
+pub(crate) struct Photons {
+    pub(crate) maps: PhotonMaps,
+    pub(crate) file: MapFile,
+    pub(crate) fingerprint: Fingerprint,
+}
+
+/// Opens the photon maps of a scene.
+///
+/// If no photon will be asked for, and a file with this digest is known to hold photons of that fingerprint, none is read:
+/// tiles of layers only ask whether the photons are the same.
 ///
 /// # Errors
 /// When there are none, when they can't be read, or when they were made of something else.
@@ -18,7 +30,8 @@ pub(crate) fn open(
     scene_path: &Path,
     scene_options: &SceneOptions,
     scene: &Scene,
-) -> anyhow::Result<(PhotonMaps, MapFile)> {
+    known: Option<(u64, Fingerprint)>,
+) -> anyhow::Result<Photons> {
     let words = || scene_options.words().into_iter().map(OsString::from);
     if !path.exists() {
         bail!(
@@ -27,16 +40,29 @@ pub(crate) fn open(
             command(scene_path, path, words())
         );
     }
-    let (photons, file) = PhotonMaps::open(path)?;
-    let (then, now) = (&photons.metadata.inventory, scene.inventory());
-    if then != now {
-        bail!(Error::Stale {
+    let check = |maps: &PhotonMaps, file: &MapFile| {
+        let (then, now) = (&maps.metadata.inventory, scene.inventory());
+        if then == now {
+            return Ok(());
+        }
+        Err(Error::Stale {
             path: path.into(),
             changes: then.changes(now),
-            remedy: remedy(path, scene_path, scene_options, &photons, file.header()),
-        });
+            remedy: remedy(path, scene_path, scene_options, maps, file.header()),
+        })
+    };
+    if let Some((digest, fingerprint)) = known {
+        let (maps, file) = PhotonMaps::open_without_photons(path)?;
+        if file.digest() == digest {
+            check(&maps, &file)?;
+            return Ok(Photons { maps, file, fingerprint });
+        }
     }
-    Ok((photons, file))
+    let (maps, file) = PhotonMaps::open(path)?;
+    check(&maps, &file)?;
+    // All photons are read for it: once.
+    let fingerprint = maps.fingerprint();
+    Ok(Photons { maps, file, fingerprint })
 }
 
 /// The command that makes maps anew from as many photons, with those for final gathering.

@@ -15,7 +15,9 @@ use scene::Scene;
 use shade::{Counts, GatherPhotons, Settings, Shader};
 
 use crate::adaptive::{self, ErrorReport};
+use crate::finished::Finished;
 use crate::frame::{Frame, for_each};
+use crate::photons::Photons;
 use crate::resume::{NOTHING_WRITTEN, Resume};
 use crate::tally::Tally;
 use crate::tile::Extent;
@@ -142,11 +144,11 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
     args.common.thread_pool()
 }
 
-/// Whether the mode looks at all of a picture, so that no band can be rendered alone.
+/// Whether all of a picture is looked at, so that no band can be rendered alone.
 fn takes_all(args: &Args) -> bool {
     match args.mode {
         Mode::Original => false,
-        Mode::Adaptive => args.error > 0.0,
+        Mode::Adaptive => args.error > 0.0 && args.paper.from_layers.is_none(),
         Mode::Paper => true,
     }
 }
@@ -190,9 +192,15 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     check_memory(args, &extent)?;
     // Whatever tells of this picture names its size.
     let args = &Args { resolution: Some(resolution), ..args.clone() };
-    let (photons, photons_file) =
-        photons::open(photons_path, scene_path, &args.scene_options, &scene)?;
-    if args.shading.indirect == Indirect::Gather && GatherPhotons::of(&photons).is_none() {
+    let layers = args.paper.from_layers.as_ref();
+    let finished = layers.map(|path| Finished::open(path)).transpose()?;
+    let known = finished.as_ref().map(Finished::photons);
+    let photons = photons::open(photons_path, scene_path, &args.scene_options, &scene, known)?;
+    let Photons { maps: photons, file: photons_file, fingerprint: photons_digest } = photons;
+    if args.shading.indirect == Indirect::Gather
+        && finished.is_none()
+        && GatherPhotons::of(&photons).is_none()
+    {
         bail!(
             "{} holds no photons for --indirect gather; make it with: {}",
             photons_path.display(),
@@ -200,8 +208,6 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         );
     }
     let settings = settings(args, scene.bounds().diagonal());
-    // All photons are read for it: once.
-    let photons_digest = photons.fingerprint();
     let of_surfaces = inputs_of_surfaces(args, &scene, photons_digest, &settings);
     let mut inputs = of_surfaces.clone();
     inputs.add("the camera", scene.view_fingerprint());
@@ -209,18 +215,22 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let progress = Progress { console: &console, interrupt, resume };
     let load = clock.lap();
     interrupt.check()?;
-    for (class, set) in photons.sets() {
+    for (class, set) in photons.sets().filter(|_| finished.is_none()) {
         console.detail(format_args!("{:>10} {} photons", set.len(), class.name()));
     }
 
     let mut tally = Tally::default();
     let (shader, counts_ahead) = shader(args, &scene, &photons, settings, &progress)?;
+    if let (Some(path), Some(finished)) = (layers, &finished) {
+        finished.check(path, args, extent.frame.whole, &inputs)?;
+    }
     tally.counts += counts_ahead;
     tally.seconds.indirect += clock.lap();
     let job = Job {
         args,
         shader: &shader,
         photons: &photons_file,
+        finished: finished.as_ref(),
         of_surfaces: &of_surfaces,
         inputs: &inputs,
         console: &console,
@@ -230,10 +240,11 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         true => Some(job.render(&extent, true, &mut clock, &mut tally)?),
         false => None,
     };
-    if let Some((_, rendered)) = &whole
+    if let Some((frame, rendered)) = &whole
         && let (Some(path), Some(layers)) = (&args.paper.save_layers, &rendered.adaptive)
     {
-        finished::save(path, args, rendered, layers, &inputs)?;
+        let photons = (photons_file.digest(), photons_digest);
+        finished::save(path, args, frame, rendered, layers, &inputs, photons)?;
     }
     let mut bands = extent.bands(args);
     let bands = iter::from_fn(|| {
@@ -266,6 +277,8 @@ struct Job<'x, 'a> {
     args: &'x Args,
     shader: &'a Shader<'a>,
     photons: &'x MapFile,
+    /// The whole picture, of which only parts are shown.
+    finished: Option<&'x Finished>,
     of_surfaces: &'x Inventory,
     inputs: &'x Inventory,
     console: &'x Console,
@@ -281,15 +294,16 @@ impl<'a> Job<'_, 'a> {
         clock: &mut Clock,
         tally: &mut Tally,
     ) -> anyhow::Result<(Frame<'a>, Rendered)> {
-        let &Self { args, shader, of_surfaces, inputs, progress, .. } = self;
+        let &Self { args, shader, finished, of_surfaces, inputs, progress, .. } = self;
         let n_rays = extent.frame.size.n_pixels();
-        let traced =
-            progress.run("eye rays", n_rays, |watch| Frame::trace(shader, extent.frame, watch));
-        let (frame, eye_counts) = traced?;
+        let (frame, eye_counts) = progress.run("eye rays", n_rays, |watch| match finished {
+            Some(finished) => finished.frame(shader, extent.frame, watch),
+            None => Ok(Frame::trace(shader, extent.frame, watch)?),
+        })?;
         tally.primary += clock.lap();
         let mut rendered = match args.mode {
-            Mode::Adaptive if args.error > 0.0 => match &args.paper.from_layers {
-                Some(layers) => finished::open(layers, args, &frame, inputs)?,
+            Mode::Adaptive if args.error > 0.0 => match finished {
+                Some(finished) => finished.render(&frame)?,
                 None => adaptive::render(args, &frame, of_surfaces, clock, progress)?,
             },
             Mode::Original | Mode::Adaptive => original::render(&frame, clock, progress)?,

@@ -75,6 +75,11 @@ impl Scene {
         }
     }
 
+    /// Whether any material has an opacity, so that rays may pass what they meet.
+    pub fn is_masked(&self) -> bool {
+        self.is_masked
+    }
+
     /// What a surface is made of.
     #[inline]
     pub fn material(&self, surface: &Surface) -> &Material {

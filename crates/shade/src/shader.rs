@@ -53,11 +53,16 @@ impl<'a> Shader<'a> {
         Self { scene, photons, settings, shadow_points, light_shares, gathering: None }
     }
 
-    /// Where a ray from the eye arrives.
+    /// The surface at which a ray from the eye arrives.
     #[inline]
-    pub fn eye_point(&self, ray: &Ray, work: &mut Work) -> Option<ShadingPoint<'a>> {
+    pub fn eye_surface(&self, ray: &Ray, work: &mut Work) -> Option<Surface> {
         work.counts.eye_rays += 1;
-        self.arrive(ray).map(|(point, _)| point)
+        self.scene.arrive(ray, self.settings.seed).map(|(surface, _)| surface)
+    }
+
+    /// Where a ray from the eye arrives.
+    pub fn eye_point(&self, ray: &Ray, work: &mut Work) -> Option<ShadingPoint<'a>> {
+        self.eye_surface(ray, work).map(|surface| self.shading_point(surface, -ray.dir()))
     }
 
     /// Where a ray arrives, and after what distance.

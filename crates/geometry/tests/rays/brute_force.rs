@@ -76,6 +76,8 @@ pub(crate) fn check(
     assert_eq!(hit.is_some(), expected.is_some(), "{ray:?}");
     let (Some(hit), Some(expected)) = (hit, expected) else { return Ok(false) };
     let surface = accel.surface(ray, &hit);
+    let named = accel.surface_on(ray, surface.primitive);
+    assert_eq!(format!("{named:?}"), format!("{:?}", Some(surface)), "the same to the bit");
     // Units in the last place of the distance; the direction's length is 1 only to single precision.
     assert!((f64::from(hit.t) - expected.t).abs() < 5e-7 * expected.t, "{} {}", hit.t, expected.t);
     assert_eq!((surface.material, surface.object), (expected.material, expected.object), "{ray:?}");

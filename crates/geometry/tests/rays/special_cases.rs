@@ -1,8 +1,8 @@
 //! Known ways in which ray tracing goes wrong, one test each.
 
 use base::Ray;
-use geometry::{Accel, MaterialId};
-use glam::{DVec3, Vec3, Vec3A};
+use geometry::{Accel, MaterialId, Sphere};
+use glam::{DVec3, Quat, Vec3, Vec3A};
 
 use crate::brute_force;
 use crate::shapes::{cuboid, direction, icosphere, in_ball, mesh, rng};
@@ -122,4 +122,27 @@ fn rays_end_before_what_lies_at_their_end() {
     assert!(!accel.occluded(&ray(0.0)) && !accel.occluded(&ray(-1.0)));
     let far = |t_max| Ray::new(Vec3A::new(0.25, 0.5, -100.0), Vec3A::Z, t_max);
     assert!(!accel.occluded(&far(99.99)) && accel.occluded(&far(100.01)));
+}
+
+#[test]
+fn a_primitive_that_a_ray_passes_by_has_no_surface_on_it() {
+    let sphere = Sphere {
+        center: Vec3::new(5.0, 0.0, 0.0),
+        radius: 1.0,
+        rotation: Quat::IDENTITY,
+        material: MaterialId(0),
+    };
+    let triangle = mesh(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]]);
+    let accel = Accel::build(&[triangle], &[sphere]);
+    let [to_triangle, to_sphere, to_nothing] =
+        [0.25, 5.0, 3.0].map(|x| Ray::unbounded(Vec3A::new(x, 0.25, -2.0), Vec3A::Z));
+    for (ray, other) in [(&to_triangle, &to_sphere), (&to_sphere, &to_triangle)] {
+        let hit = accel.closest_hit(ray).unwrap();
+        let primitive = accel.surface(ray, &hit).primitive;
+        assert!(accel.surface_on(ray, primitive).is_some());
+        assert!(accel.surface_on(other, primitive).is_none());
+        assert!(accel.surface_on(&to_nothing, primitive).is_none());
+    }
+    assert!(accel.surface_on(&to_triangle, 2).is_none());
+    assert!(accel.surface_on(&to_triangle, u32::MAX).is_none());
 }

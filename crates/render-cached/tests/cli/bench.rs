@@ -76,7 +76,13 @@ impl Bench {
 
     /// The folder of a scene.
     pub(crate) fn of(scene: &str) -> Self {
+        Self::with(scene, |_| {})
+    }
+
+    /// The folder of a scene that names other files, which are written first.
+    pub(crate) fn with(scene: &str, write_files: impl FnOnce(&Self)) -> Self {
         let bench = Self { folder: tempfile::tempdir().unwrap() };
+        write_files(&bench);
         bench.write("scene.toml", scene);
         bench.photon_build("scene.toml -o a.photons --photons 5K");
         bench

@@ -281,3 +281,48 @@ fn tiles_of_mode_adaptive_are_those_of_the_whole() {
         refusal(&bench, &format!("{options} --from-layers a.layers --tile 2/2 -o d.exr"), 1);
     assert!(message.starts_with("render-cached: a.layers is damaged: "), "{message}");
 }
+
+#[test]
+fn tiles_of_mode_adaptive_read_no_photons() {
+    let bench = Bench::new();
+    let options = format!("{RUN} --mode adaptive");
+    bench.run(&format!("{options} -o whole.exr"));
+    bench.run(&format!("{options} --save-layers a.layers"));
+
+    // Of a damaged map nothing is missed that isn't used, but the same photons it must be.
+    let photons = bench.read("a.photons");
+    let mut damaged = photons.clone();
+    *damaged.last_mut().unwrap() ^= 4;
+    bench.write("a.photons", &damaged);
+    refusal(&bench, &format!("{options} -o b.exr"), 1);
+    bench.run(&format!("{options} --from-layers a.layers -o again.exr"));
+    assert!(bench.read("again.exr") == bench.read("whole.exr"));
+
+    bench.photon_build("scene.toml -o a.photons --photons 5K --seed 1 --force");
+    let message = refusal(&bench, &format!("{options} --from-layers a.layers -o b.exr"), 1);
+    assert!(message.contains("a.layers is stale: the photon map changed"), "{message}");
+
+    bench.photon_build("scene.toml -o a.photons --photons 5K -t 1 --force");
+    assert!(bench.read("a.photons") == photons);
+    bench.run(&format!("{options} --from-layers a.layers -o again.exr --force"));
+}
+
+#[test]
+fn tiles_of_mode_adaptive_look_through_masks() {
+    let veil = "\n[[meshes]]\nname = \"veil\"\nfile = \"veil.obj\"\n";
+    let bench = Bench::with(&format!("{SCENE}{veil}"), |bench| {
+        bench.write("veil.mtl", "newmtl veil\nKd 0.2 0.5 0.2\nd 0.5\n");
+        bench.write(
+            "veil.obj",
+            "mtllib veil.mtl\nusemtl veil\nv -1 0.2 1.5\nv 1 0.2 1.5\nv 1 1.5 1.5\nv -1 1.5 1.5\nf 1 2 3 4\n",
+        );
+    });
+    let options = format!("{RUN} --mode adaptive");
+    bench.run(&format!("{options} -o whole.exr"));
+    bench.run(&format!("{options} --save-layers a.layers"));
+    for i in 1..=2 {
+        bench.run(&format!("{options} --from-layers a.layers --tile {i}/2 -o {i}.exr"));
+    }
+    bench.run("assemble 1.exr 2.exr -o a.exr");
+    assert!(bench.read("a.exr") == bench.read("whole.exr"));
+}
