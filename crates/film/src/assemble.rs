@@ -27,7 +27,17 @@ pub fn assemble_exr(path: &Path, existing: Existing, parts: &[Part]) -> Result<u
     let names = first.names().iter().map(String::as_str);
     let header = header(Window::whole(first.window().whole), first.metadata(), names);
     let width = first.window().whole.width as usize;
-    let blocks = blocks_at_once(&header).into_iter().map(|rows| {
+    let is_band = |part: &Part| {
+        let [x, end_x, y, _] = part.window().bounds().map(|side| side as usize);
+        end_x - x == width && y % zip::LINES == 0
+    };
+    let rows = if parts.iter().all(is_band) {
+        // What is only copied uses the memory of what was copied before.
+        zip::blocks(first.window().whole.height as usize).map(|rows| vec![rows]).collect()
+    } else {
+        blocks_at_once(&header)
+    };
+    let blocks = rows.into_iter().map(|rows| {
         let blocks: Result<Vec<Block>, Error> =
             rows.into_iter().map(|rows| bands.next_block(rows)).collect();
         Ok(blocks?.into_par_iter().map(|block| block.packed(width)).collect())

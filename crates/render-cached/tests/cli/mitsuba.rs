@@ -42,6 +42,6 @@ fn parameters_and_the_size_of_the_film_reach_both_programs() {
     bench.refuses(
         "scene.toml --photons a.photons --lenient -o c.exr",
         1,
-        "scene.toml: only scenes of Mitsuba (.xml) take -D and --lenient; leave them out",
+        "scene.toml: only scenes of Mitsuba (.xml) and glTF take --lenient; leave it out",
     );
 }
