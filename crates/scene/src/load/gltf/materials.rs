@@ -177,15 +177,12 @@ impl Reading<'_, '_> {
         if factor == 0.0 {
             return Ok(0.0);
         }
-        let image = textures::image(self.context, info, &self.place)?;
-        let values = || image.texels.iter().map(|texel| texel[channel]);
-        let sum: u64 = values().map(u64::from).sum();
-        let mean = sum as f64 / image.texels.len() as f64 / 255.0;
-        if values().min() != values().max() {
+        let mean = textures::mean(self.context, info, &self.place)?;
+        if !mean.is_even[channel] {
             let what = format!("{name} that varies by a texture isn't supported");
             self.refuse(&what, "it is the mean of the texture")?;
         }
-        Ok(factor * mean as f32)
+        Ok(factor * mean.channels[channel])
     }
 
     /// Whether a share is 1; what lies between 0 and 1 has no place here.
@@ -209,18 +206,12 @@ impl Reading<'_, '_> {
         let Some(info) = &self.table.pbr_metallic_roughness.base_color_texture else {
             return Ok(Rgb::ONE);
         };
-        let image = textures::image(self.context, info, &self.place)?;
-        let colors = || image.texels.iter().map(|&[r, g, b, _]| [r, g, b]);
-        if colors().any(|color| Some(color) != colors().next()) {
+        let mean = textures::mean(self.context, info, &self.place)?;
+        if mean.is_even.contains(&false) {
             let what = format!("a texture on {of} isn't supported");
             self.refuse(&what, "its mean color is taken")?;
         }
-        let linear: [f32; 256] = std::array::from_fn(|byte| film::decode_srgb(byte as f32 / 255.0));
-        let mean = |channel: usize| {
-            let sum: f64 = colors().map(|c| f64::from(linear[usize::from(c[channel])])).sum();
-            (sum / image.texels.len() as f64) as f32
-        };
-        Ok(Rgb::new(mean(0), mean(1), mean(2)))
+        Ok(mean.color)
     }
 
     fn texture(&mut self, info: &TextureInfo, role: Role) -> Result<Option<TextureId>, Error> {

@@ -28,6 +28,8 @@ pub(super) struct Counts {
     uses: BTreeMap<usize, usize>,
     /// Meshes that more nodes will show.
     known: BTreeMap<usize, Vec<Mesh>>,
+    /// Whether colors of vertices are white, by accessor.
+    white: BTreeMap<usize, bool>,
     /// Triangles of meshes, each mesh once.
     n_read: usize,
     /// Triangles that further nodes have added.
@@ -274,12 +276,19 @@ fn check_colors(
     primitive: &Primitive,
     place: &str,
 ) -> Result<(), Error> {
-    let Some(&colors) = primitive.attributes.get("COLOR_0") else { return Ok(()) };
-    let colors = Accessor::new(context.file, colors, &format!("{place}.COLOR_0"))?;
-    let width = colors.width().min(4);
-    let is_white = |i| colors.floats::<4>(i)[..width].iter().all(|x| *x == 1.0);
-    // What has no bytes of its own isn't white.
-    if colors.len() > context.file.n_bytes() || !(0..colors.len()).all(is_white) {
+    let Some(&index) = primitive.attributes.get("COLOR_0") else { return Ok(()) };
+    let is_white = match context.counts.white.get(&index) {
+        Some(is_white) => *is_white,
+        None => {
+            let colors = Accessor::new(context.file, index, &format!("{place}.COLOR_0"))?;
+            let width = colors.width().min(4);
+            let is_white = |i| colors.floats::<4>(i)[..width].iter().all(|x| *x == 1.0);
+            // What has no bytes of its own isn't white.
+            colors.len() <= context.file.n_bytes() && (0..colors.len()).all(is_white)
+        }
+    };
+    context.counts.white.insert(index, is_white);
+    if !is_white {
         context.refuse(place, "colors of vertices aren't supported", "they are taken for white")?;
     }
     Ok(())

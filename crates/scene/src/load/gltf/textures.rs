@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
+use base::Rgb;
 use film::decode_srgb;
 use glam::{Affine2, Mat2, Vec2};
 
@@ -29,9 +30,20 @@ pub(super) enum Role {
 }
 
 /// An image of four bytes a texel: three of color in sRGB, and alpha.
-pub(super) struct Image {
-    pub(super) size: [u32; 2],
-    pub(super) texels: Vec<[u8; 4]>,
+struct Image {
+    size: [u32; 2],
+    texels: Vec<[u8; 4]>,
+}
+
+/// What an image comes to where only one value can be taken.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mean {
+    /// Linear color, as of sRGB.
+    pub(super) color: Rgb,
+    /// Red, green and blue as they are stored, from 0 to 1.
+    pub(super) channels: [f32; 3],
+    /// Whether all texels have the same, channel by channel.
+    pub(super) is_even: [bool; 3],
 }
 
 /// A texture, its role and its placement, in bits.
@@ -40,7 +52,9 @@ type Key = (usize, [u32; 3], [u32; 6]);
 /// Textures and images that have been met.
 #[derive(Default)]
 pub(super) struct Known {
-    textures: BTreeMap<Key, TextureId>,
+    textures: BTreeMap<Key, Option<TextureId>>,
+    /// By image, since images are large.
+    means: BTreeMap<usize, Mean>,
     /// The last image, which the next texture often shows, too.
     last: Option<(usize, Rc<Image>)>,
     /// Where images come from that textures hold.
@@ -73,7 +87,7 @@ pub(super) fn texture(
     };
     let key = (info.index, bits, placement.to_cols_array().map(f32::to_bits));
     if let Some(id) = context.textures.textures.get(&key) {
-        return Ok((Some(*id), set));
+        return Ok((*id, set));
     }
     let image = image(context, info, place)?;
     let gray = |value: &dyn Fn(u8) -> u8| -> Vec<[u8; 3]> {
@@ -87,9 +101,7 @@ pub(super) fn texture(
             (gray(&|alpha| if is_there(alpha) { 255 } else { 0 }), false)
         }
     };
-    if bytes.iter().all(|texel| *texel == [255; 3]) {
-        return Ok((None, set));
-    }
+    let bytes: Vec<[u8; 3]> = bytes;
     let origin = origin(context, info, place)?;
     if !context.textures.held.insert(origin) {
         context.textures.n_copied += bytes.len();
@@ -97,6 +109,10 @@ pub(super) fn texture(
             let text = "too many textures show the same images in other ways; share textures, or use smaller images";
             return Err(context.file.fault(place, text));
         }
+    }
+    if bytes.iter().all(|texel| *texel == [255; 3]) {
+        context.textures.textures.insert(key, None);
+        return Ok((None, set));
     }
     let (filter, wrap) = sampling(context, info, place)?;
     let value = |byte: usize| {
@@ -108,16 +124,37 @@ pub(super) fn texture(
     let name = format!("texture {}", context.assembly.textures.len() + 1);
     let id = context.assembly.add_texture(name, Texture { placement, pattern });
     let id = id.ok_or_else(|| context.file.fault(place, "too many textures; use at most 65536"))?;
-    context.textures.textures.insert(key, id);
+    context.textures.textures.insert(key, Some(id));
     Ok((Some(id), set))
 }
 
-/// The image of a texture.
-pub(super) fn image(
+/// What the image of a texture comes to.
+pub(super) fn mean(
     context: &mut Context<'_>,
     info: &TextureInfo,
     place: &str,
-) -> Result<Rc<Image>, Error> {
+) -> Result<Mean, Error> {
+    let index = source(context, info, place)?;
+    if let Some(mean) = context.textures.means.get(&index) {
+        return Ok(*mean);
+    }
+    let image = image(context, info, place)?;
+    let linear: [f32; 256] = std::array::from_fn(|byte| decode_srgb(byte as f32 / 255.0));
+    let over = |channel: usize, value: &dyn Fn(u8) -> f64| {
+        let sum: f64 = image.texels.iter().map(|texel| value(texel[channel])).sum();
+        (sum / image.texels.len() as f64) as f32
+    };
+    let mean = Mean {
+        color: [0, 1, 2].map(|i| over(i, &|byte| f64::from(linear[usize::from(byte)]))).into(),
+        channels: [0, 1, 2].map(|i| over(i, &|byte| f64::from(byte) / 255.0)),
+        is_even: [0, 1, 2].map(|i| image.texels.iter().all(|t| t[i] == image.texels[0][i])),
+    };
+    context.textures.means.insert(index, mean);
+    Ok(mean)
+}
+
+/// The image of a texture.
+fn image(context: &mut Context<'_>, info: &TextureInfo, place: &str) -> Result<Rc<Image>, Error> {
     let index = source(context, info, place)?;
     if let Some((last, image)) = &context.textures.last
         && *last == index
