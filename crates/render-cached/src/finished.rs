@@ -213,6 +213,8 @@ impl Finished {
         let values = Components::from_fn(|component| {
             Grid::from_values(window.size, std::mem::take(&mut values[component]))
         });
+        // All is copied by now.
+        self.file.check_untouched()?;
         let origins = origins(frame, &reasons);
         let adaptive = Some(AdaptiveLayers { reasons, levels, error: self.metadata.error });
         Ok(Rendered {

@@ -1,6 +1,10 @@
 //! Shards of a run, and the maps that they are joined to.
 
-use std::time::Duration;
+use std::fs::OpenOptions;
+use std::io::{Seek, SeekFrom, Write};
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use assert_cmd::assert::OutputAssertExt;
 
@@ -158,7 +162,7 @@ fn a_killed_shard_leaves_nothing_to_be_taken_for_one() {
     bench.run(&format!("{run} -o whole.photons"));
     bench.run(&format!("{run} --shard 1/2 -o 1.shard"));
     let mut child = bench.command(&format!("{run} --shard 2/2 -o 2.shard -t 1")).spawn().unwrap();
-    std::thread::sleep(Duration::from_millis(60));
+    sleep(Duration::from_millis(60));
     child.kill().unwrap();
     child.wait().unwrap();
     // Where it was faster than the signal, the shard is whole.
@@ -188,4 +192,38 @@ fn shares_that_do_not_exist_are_wrong_usage() {
         );
     }
     bench.command("merge -o a.photons").assert().code(2);
+}
+
+#[test]
+fn shards_that_are_overwritten_in_use_make_no_wrong_map() {
+    let bench = Bench::new();
+    shards(&bench, 2);
+    let merge = "merge 1.shard 2.shard -o a.photons";
+    let start = Instant::now();
+    bench.run(merge);
+    let unbroken = start.elapsed();
+    let (right, shard) = (bench.read("a.photons"), bench.read("2.shard"));
+    for part in 0..8 {
+        bench.write("a.photons", "precious");
+        let mut merging = bench.command(&format!("{merge} --force"));
+        let merging = merging.stderr(Stdio::piped()).spawn().unwrap();
+        sleep(unbroken * part / 8);
+        let mut damaged = OpenOptions::new().write(true).open(bench.path("2.shard")).unwrap();
+        damaged.seek(SeekFrom::End(-9000)).unwrap();
+        damaged.write_all(&[0x5a; 3000]).unwrap();
+        drop(damaged);
+        let output = merging.wait_with_output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        // It was done by then, or ends in words.
+        if output.status.success() {
+            assert!(bench.read("a.photons") == right, "at {part}/8");
+        } else {
+            assert_eq!(output.status.code(), Some(1), "{said}");
+            let faults = ["2.shard was changed while it was in use", "2.shard is damaged"]
+                .map(|f| said.contains(f));
+            assert_ne!(faults, [false; 2], "{said}");
+            assert_eq!(bench.read("a.photons"), b"precious");
+        }
+        bench.write("2.shard", &shard);
+    }
 }

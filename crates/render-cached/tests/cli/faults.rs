@@ -4,6 +4,8 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::process::Stdio;
+use std::thread::sleep;
+use std::time::Instant;
 
 use crate::bench::{Bench, MODES, SMALL};
 
@@ -52,6 +54,60 @@ fn photon_maps_that_are_overwritten_in_use_make_no_picture() {
     assert_eq!(code, Some(1), "{last}");
     assert!(last.starts_with("render-cached: b.photons was changed while it was in use"), "{last}");
     assert_eq!(bench.read("a.exr"), b"precious");
+}
+
+/// Overwrites bytes of `file` at several moments of runs that read it. Each run must end with the right picture, if it was
+/// done by then, or in words, with the picture before it untouched.
+fn overwrite_during(bench: &Bench, run: &str, file: &str) {
+    let whole = bench.read(file);
+    let start = Instant::now();
+    bench.run(&format!("{run} -o a.exr"));
+    let unbroken = start.elapsed();
+    let right = bench.read("a.exr");
+    for part in 0..8 {
+        bench.write("a.exr", "precious");
+        let child = bench
+            .command(&format!("{run} -o a.exr --force"))
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        sleep(unbroken * part / 8);
+        let mut damaged = OpenOptions::new().write(true).open(bench.path(file)).unwrap();
+        damaged.seek(SeekFrom::End(-900)).unwrap();
+        damaged.write_all(&[0x5a; 300]).unwrap();
+        drop(damaged);
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        let picture = bench.read("a.exr");
+        if output.status.success() {
+            assert!(picture == right, "{file} at {part}/8");
+        } else {
+            assert_eq!(output.status.code(), Some(1), "{said}");
+            let last = said.lines().last().unwrap();
+            let faults =
+                [format!("{file} was changed while it was in use"), format!("{file} is damaged")];
+            assert!(faults.iter().any(|fault| last.contains(fault)), "{last}");
+            assert_eq!(picture, b"precious");
+        }
+        bench.write(file, &whole);
+    }
+}
+
+#[test]
+fn caches_and_layers_that_are_overwritten_in_use_make_no_wrong_picture() {
+    let bench = Bench::new();
+    let run = "scene.toml --photons a.photons --shadow-rays 32";
+    let paper = format!("{run} --mode paper");
+    bench.run(&format!("{paper} --resolution 100x100 --save-cache paper.cache"));
+    let paper = format!("{paper} --resolution 150x150");
+    overwrite_during(&bench, &format!("{paper} --from-cache paper.cache"), "paper.cache");
+    std::fs::remove_file(bench.path("a.exr")).unwrap();
+
+    let adaptive = format!("{run} --resolution 150x150 --mode adaptive --error 0.005");
+    bench.run(&format!("{adaptive} --save-cache adaptive.cache --save-layers a.layers"));
+    overwrite_during(&bench, &format!("{adaptive} --from-cache adaptive.cache"), "adaptive.cache");
+    std::fs::remove_file(bench.path("a.exr")).unwrap();
+    overwrite_during(&bench, &format!("{adaptive} --from-layers a.layers"), "a.layers");
 }
 
 #[test]
