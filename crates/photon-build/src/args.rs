@@ -31,6 +31,12 @@ pub struct Args {
     /// Photons to emit from each light
     #[arg(long, value_name = "COUNT", allow_hyphen_values = true, value_parser = parse_count)]
     pub photons_per_light: Option<u64>,
+    /// Photons out of --photons that one light gets, by its name in the scene; the others share the rest
+    #[arg(long, value_name = "LIGHT=COUNT", value_parser = parse_quota, conflicts_with = "photons_per_light")]
+    pub quota: Vec<Quota>,
+    /// What no light gets less than, as a share of an equal part: 0 shares by flux alone, 1 gives all as many
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_min_share, conflicts_with = "photons_per_light")]
+    pub min_share: f64,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
@@ -62,6 +68,31 @@ fn parse_aim(text: &str) -> Result<f32, String> {
     match text.parse() {
         Ok(share @ 0.0..=0.95) => Ok(share),
         _ => Err("expected a share from 0 to 0.95; the other photons carry all other light".into()),
+    }
+}
+
+fn parse_min_share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(share @ 0.0..=1.0) => Ok(share),
+        _ => Err("expected a share of an equal part, from 0 to 1".into()),
+    }
+}
+
+/// What one light gets.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Quota {
+    /// Its name in the scene.
+    pub light: String,
+    /// Photons, one at least.
+    pub photons: u64,
+}
+
+fn parse_quota(text: &str) -> Result<Quota, String> {
+    let (light, photons) =
+        text.rsplit_once('=').ok_or("expected the name of a light, = and a count")?;
+    match parse_count(photons)? {
+        0 => Err("a light without photons is dark; give it one at least".into()),
+        photons => Ok(Quota { light: light.into(), photons }),
     }
 }
 

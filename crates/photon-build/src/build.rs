@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::bail;
-use base::{Photon, Share};
+use base::{Photon, Rgb, Share};
 use cli::{Clock, Console, Interrupt, Journal, Seconds, WrongUsage};
 use photon_map::{Loose, Metadata, PhotonMaps, ShardMetadata, largest_flux};
-use photon_trace::{Account, Budget, Config, Traced};
+use photon_trace::{Account, Budget, Config, Traced, share_out};
 use scene::Scene;
 
-use crate::args::Store;
+use crate::args::{Quota, Store};
 use crate::stats::{self, Stages, Stats, Written};
 use crate::{Args, resume, shard};
 
@@ -30,7 +30,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
     let (Some(scene_path), Some(output)) = (&args.scene, &args.output) else {
         bail!(WrongUsage("a scene and an output are needed".into()));
     };
-    let budget = budget(args)?;
+    check_number(args)?;
     let outputs: Vec<&Path> =
         args.common.stats.iter().chain([output]).map(PathBuf::as_path).collect();
     cli::check_outputs(&outputs, &[scene_path], args.common.existing())?;
@@ -51,7 +51,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
     interrupt.check()?;
 
     let config = Config {
-        budget,
+        budget: budget(args, scene_path, &scene)?,
         seed: args.seed,
         max_bounces: args.max_bounces,
         store_direct: !args.store.is_empty(),
@@ -121,21 +121,74 @@ pub(crate) const NOTHING_WRITTEN: &str = "no photon map was written";
 /// Emitting more than this would fill the memory of any machine, and more of a class can't be numbered.
 pub(crate) const MOST_PHOTONS: u64 = u32::MAX as u64;
 
-fn budget(args: &Args) -> anyhow::Result<Budget> {
-    let budget = match args.photons_per_light {
-        Some(n) => Budget::PerLight(n),
-        None => Budget::Total(args.photons.unwrap_or(1_000_000)),
-    };
-    match budget {
-        Budget::Total(0) => {
-            bail!(WrongUsage("--photons 0 emits nothing; ask for one photon at least".into()))
-        }
-        Budget::PerLight(0) => {
+/// Refuses numbers of photons that can't be, whatever the scene.
+fn check_number(args: &Args) -> anyhow::Result<()> {
+    match (args.photons_per_light, total(args)) {
+        (Some(0), _) => {
             bail!(WrongUsage("--photons-per-light 0 emits nothing; ask for one at least".into()))
         }
-        Budget::Total(n) | Budget::PerLight(n) if n > MOST_PHOTONS => bail!(too_many(n)),
-        budget => Ok(budget),
+        (None, 0) => {
+            bail!(WrongUsage("--photons 0 emits nothing; ask for one photon at least".into()))
+        }
+        (Some(n), _) | (None, n) if n > MOST_PHOTONS => bail!(too_many(n)),
+        (None, n) => {
+            let quotas = args.quota.iter().fold(0_u64, |sum, q| sum.saturating_add(q.photons));
+            if quotas > n {
+                bail!(WrongUsage(format!(
+                    "the quotas take {quotas} photons of {n}; raise --photons"
+                )));
+            }
+            Ok(())
+        }
+        _ => Ok(()),
     }
+}
+
+fn total(args: &Args) -> u64 {
+    args.photons.unwrap_or(1_000_000)
+}
+
+/// How many photons are emitted from which light.
+fn budget(args: &Args, path: &Path, scene: &Scene) -> anyhow::Result<Budget> {
+    if let Some(n) = args.photons_per_light {
+        return Ok(Budget::PerLight(n));
+    }
+    if args.quota.is_empty() && args.min_share == 0.0 {
+        return Ok(Budget::Total(total(args)));
+    }
+    let fluxes = fluxes(scene);
+    let mut quotas = vec![None; scene.lights.len()];
+    for Quota { light, photons } in &args.quota {
+        let named = |i: &usize| scene.lights[*i].name == *light;
+        let mut found = (0..quotas.len()).filter(named);
+        let (Some(i), None) = (found.next(), found.next()) else {
+            let n = (0..quotas.len()).filter(named).count();
+            bail!(
+                "{} has {} light `{light}`, for --quota; its lights are {}",
+                path.display(),
+                if n == 0 { "no".into() } else { format!("more than one ({n})") },
+                names(scene)
+            );
+        };
+        if fluxes[i].is_black() {
+            bail!("{}: light `{light}` emits nothing; leave out its --quota", path.display());
+        }
+        if quotas[i].replace(*photons).is_some() {
+            bail!(WrongUsage(format!("--quota names light `{light}` twice")));
+        }
+    }
+    Ok(Budget::Each(share_out(total(args), args.min_share, &quotas, &fluxes)))
+}
+
+/// The names of the lights, of many the first.
+fn names(scene: &Scene) -> String {
+    const MOST: usize = 10;
+    let named = scene.lights.iter().take(MOST).map(|light| format!("`{}`", light.name));
+    let mut names: Vec<String> = named.collect();
+    if scene.lights.len() > MOST {
+        names.push(format!("{} more", scene.lights.len() - MOST));
+    }
+    names.join(", ")
 }
 
 fn too_many(n_photons: u64) -> WrongUsage {
@@ -205,8 +258,11 @@ fn audit(traced: &Traced, args: &Args, console: &Console) -> anyhow::Result<()> 
 }
 
 fn photons_of_lights(scene: &Scene, config: &Config) -> Vec<u64> {
-    let fluxes: Vec<_> = scene.lights.iter().map(|light| light.flux(&scene.bounds())).collect();
-    photon_trace::photons_of_lights(config.budget, &fluxes)
+    photon_trace::photons_of_lights(&config.budget, &fluxes(scene))
+}
+
+fn fluxes(scene: &Scene) -> Vec<Rgb> {
+    scene.lights.iter().map(|light| light.flux(&scene.bounds())).collect()
 }
 
 fn metadata(scene: &Scene, config: &Config, account: &Account) -> Metadata {
@@ -254,7 +310,13 @@ fn remedy(args: &Args, scene: &Path, shard: Option<Share>) -> String {
     let mut option = |name: &str, value: String| words.extend([name.into(), value.into()]);
     match args.photons_per_light {
         Some(n) => option("--photons-per-light", n.to_string()),
-        None => option("--photons", args.photons.unwrap_or(1_000_000).to_string()),
+        None => option("--photons", total(args).to_string()),
+    }
+    for Quota { light, photons } in &args.quota {
+        option("--quota", format!("{light}={photons}"));
+    }
+    if args.min_share > 0.0 {
+        option("--min-share", args.min_share.to_string());
     }
     option("--seed", args.seed.to_string());
     option("--max-bounces", args.max_bounces.to_string());

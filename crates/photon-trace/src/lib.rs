@@ -14,5 +14,5 @@ mod aim;
 mod budget;
 mod trace;
 
-pub use budget::{Budget, photons_of_lights};
+pub use budget::{Budget, photons_of_lights, share_out};
 pub use trace::{Account, Config, Energy, Keeper, Traced, trace, trace_kept, trace_share};

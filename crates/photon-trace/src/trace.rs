@@ -18,7 +18,7 @@ use crate::{Budget, photons_of_lights};
 const BATCH: u64 = 8192;
 
 /// How pass 1 is done.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Config {
     /// How many photons are emitted.
     pub budget: Budget,
@@ -157,7 +157,7 @@ pub fn trace_kept(
 ) -> Result<Traced, Interrupted> {
     let bounds = scene.bounds();
     let fluxes: Vec<Rgb> = scene.lights.iter().map(|light| light.flux(&bounds)).collect();
-    let counts = photons_of_lights(config.budget, &fluxes);
+    let counts = photons_of_lights(&config.budget, &fluxes);
 
     let mut batches = Vec::new();
     for (light, &count) in counts.iter().enumerate() {

@@ -3,9 +3,11 @@
 use std::process::Command;
 
 use assert_cmd::assert::OutputAssertExt;
+use base::Rgb;
+use photon_map::PhotonMaps;
 use serde_json::Value;
 
-use crate::bench::Bench;
+use crate::bench::{Bench, SCENE};
 
 #[test]
 fn threads_and_names_change_no_byte() {
@@ -177,4 +179,55 @@ fn verbosity_is_heeded() {
         cut.starts_with("photon-build: warning: ") && cut.contains("raise --max-bounces"),
         "{cut}"
     );
+}
+
+#[test]
+fn lights_get_what_they_are_said_to_get() {
+    let bench = Bench::new();
+    let second = "[[quads]]\nname = \"dim=1\"\ncorner = [1, 2, -0.5]\nedges = [[0.03, 0, 0], [0, 0, 0.03]]\nmaterial = \"lamp\"\n";
+    bench.write("two.toml", [SCENE, second].concat());
+    bench.run("two.toml --photons 200K -o plain.photons");
+    let flux = |name: &str| {
+        let (maps, _) = PhotonMaps::open(&bench.path(name)).unwrap();
+        let photons = (0..maps.indirect.len()).map(|i| maps.indirect.photon(i).flux);
+        (maps.metadata.emitted, photons.sum::<Rgb>())
+    };
+    let (_, expected) = flux("plain.photons");
+    for (options, name) in [
+        ("--quota dim=1=150K", "quota.photons"),
+        ("--min-share 1", "even.photons"),
+        ("--min-share 0.5 --shard 1/1", "1.shard"),
+    ] {
+        bench.run(&format!("two.toml --photons 200K {options} -o {name}"));
+    }
+    bench.run("merge 1.shard -o half.photons");
+    bench.run("two.toml --photons 200K --min-share 0.5 -o whole.photons");
+    assert!(bench.read("half.photons") == bench.read("whole.photons"));
+    for name in ["quota.photons", "even.photons", "half.photons"] {
+        let (emitted, sum) = flux(name);
+        assert_eq!(emitted, 200_000);
+        assert!(bench.read(name) != bench.read("plain.photons"));
+        // Other photons, the same light: their noise is some 2 %.
+        assert!((sum.mean() / expected.mean() - 1.0).abs() < 0.06, "{name}: {sum:?} {expected:?}");
+    }
+    let made = String::from_utf8_lossy(&bench.read("quota.photons")[..600]).into_owned();
+    assert!(made.contains("--photons 200000 --quota dim=1=150000 --seed 0"), "{made}");
+
+    for (options, code, message) in [
+        (
+            "--quota sun=5",
+            1,
+            "two.toml has no light `sun`, for --quota; its lights are `lamp`, `dim=1`",
+        ),
+        ("--quota lamp=5 --quota lamp=6", 2, "--quota names light `lamp` twice"),
+        ("--quota lamp=2M", 2, "the quotas take 2000000 photons of 1000000; raise --photons"),
+    ] {
+        bench.refuses(&format!("two.toml {options} -o b.photons"), code, message);
+    }
+    for wrong in
+        ["--quota lamp", "--quota lamp=0", "--min-share 1.5", "--min-share 1 --photons-per-light 5"]
+    {
+        let wrong = bench.command(&format!("two.toml {wrong} -o b.photons")).output().unwrap();
+        assert_eq!(wrong.status.code(), Some(2));
+    }
 }
