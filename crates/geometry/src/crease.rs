@@ -94,7 +94,7 @@ impl Creases {
 }
 
 /// Sides that are looked at together: bounds the memory, whatever the mesh.
-const AT_ONCE: usize = 1 << 25;
+pub(crate) const AT_ONCE: usize = 1 << 25;
 
 /// The sides that are creases, each with its place: three times the number of the triangle among all, and which side it is.
 ///

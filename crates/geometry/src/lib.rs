@@ -9,6 +9,7 @@
 mod accel;
 mod bounds;
 mod crease;
+mod memory;
 mod mesh;
 mod primitive;
 mod surface;
@@ -17,5 +18,6 @@ mod traverse;
 pub use accel::{Accel, Hit, sphere_uv};
 pub use bounds::Bounds;
 pub use crease::{Crease, Creases};
+pub use memory::Memory;
 pub use mesh::{MaterialId, Mesh, Sphere};
 pub use surface::{MAX_SHADING_GAIN, Surface};

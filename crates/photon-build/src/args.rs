@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use base::Share;
-use cli::{Common, JournalOptions, SceneOptions, parse_count};
+use cli::{Common, JournalOptions, MemoryOptions, SceneOptions, parse_count};
 
 /// Shoot photons into a scene and save photon maps
 ///
@@ -59,6 +59,9 @@ pub struct Args {
     /// What survives an end.
     #[command(flatten)]
     pub journal: JournalOptions,
+    /// What is done without memory.
+    #[command(flatten)]
+    pub memory: MemoryOptions,
     /// Options that all programs have.
     #[command(flatten)]
     pub common: Common,
@@ -126,6 +129,9 @@ pub struct Merge {
     /// Where the photon maps go
     #[arg(short, long, value_name = "MAPS.photons")]
     pub output: PathBuf,
+    /// What is done without memory.
+    #[command(flatten)]
+    pub memory: MemoryOptions,
     /// Options that all programs have.
     #[command(flatten)]
     pub common: Common,

@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::bail;
 use base::{Photon, Rgb, Share};
-use cli::{Clock, Console, Interrupt, Journal, Seconds, WrongUsage};
+use cli::{Clock, Console, Interrupt, Journal, Need, Seconds, WrongUsage};
 use photon_map::{Loose, Metadata, PhotonMaps, ShardMetadata, largest_flux};
 use photon_trace::{Account, Budget, Config, Traced, share_out};
 use scene::Scene;
 
 use crate::args::{Quota, Store};
 use crate::stats::{self, Stages, Stats, Written};
-use crate::{Args, resume, shard};
+use crate::{Args, memory, resume, shard};
 
 /// Builds the photon maps that the command line asks for.
 ///
@@ -41,6 +41,10 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
     let (parts, warnings) = pool.install(|| scene::load_parts(scene_path, &options))?;
     warnings.iter().try_for_each(|w| console.warn(w))?;
     let load = clock.lap();
+    let surfaces = Need { own: parts.memory().building, mapped: 0 };
+    let predict =
+        |need, remedy| pool.install(|| cli::predict_memory(need, args.memory, remedy, &console));
+    let of_surfaces = predict(surfaces, "leave out or simplify meshes")?;
     let scene = pool.install(|| Scene::assemble(parts));
     let bvh = clock.lap();
     console.detail(format_args!(
@@ -57,6 +61,15 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
         store_direct: !args.store.is_empty(),
         aim: args.aim,
     };
+    let n_photons = photons_of_lights(&scene, &config).into_iter().fold(0, u64::saturating_add);
+    if n_photons > MOST_PHOTONS {
+        bail!(too_many(n_photons));
+    }
+    let share = args.shard.unwrap_or(Share::WHOLE);
+    let photons =
+        memory::of_tracing(&scene, &config, n_photons / u64::from(share.of()), &pool, interrupt)?;
+    let of_photons = predict(photons, "ask for fewer with --photons, or for shards with --shard")?;
+    let predicted = of_surfaces.max(of_photons);
     let command = remedy(args, scene_path, args.shard);
     let mut settings = vec![("the program".to_owned(), MADE_BY.to_owned())];
     settings.extend(cli::settings_of(&command));
@@ -106,7 +119,7 @@ fn build_until(args: &Args, interrupt: &Interrupt) -> anyhow::Result<()> {
     let stages = Stages { load, bvh, trace, tree, write, total: clock.total() };
     stats::say(&console, &written, &stages, output);
     if let Some(path) = &args.common.stats {
-        let stats = pool.install(|| Stats::new(Some(scene_path), &written, &stages));
+        let stats = pool.install(|| Stats::new(Some(scene_path), &written, &stages, predicted));
         cli::write_stats(path, args.common.existing(), &stats)?;
     }
     Ok(())
@@ -205,10 +218,7 @@ fn trace(
     journal: &Journal,
 ) -> anyhow::Result<Traced> {
     let share = shard.unwrap_or(Share::WHOLE);
-    let n_photons = photons_of_lights(scene, config).into_iter().fold(0, u64::saturating_add);
-    if n_photons > MOST_PHOTONS {
-        bail!(too_many(n_photons));
-    }
+    let n_photons: u64 = photons_of_lights(scene, config).into_iter().sum();
     let bar = console.progress("photons", n_photons / u64::from(share.of()));
     let done = AtomicU64::new(0);
     let watch = |n| {

@@ -3,6 +3,7 @@
 mod args;
 mod build;
 mod info;
+mod memory;
 mod merge;
 mod resume;
 mod shard;

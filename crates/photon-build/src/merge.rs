@@ -10,6 +10,7 @@ use photon_map::{PhotonShard, ShardMetadata};
 
 use crate::args::Merge;
 use crate::build::{MADE_BY, MOST_PHOTONS, NOTHING_WRITTEN};
+use crate::memory;
 use crate::stats::{self, Stages, Stats, Written};
 
 /// Joins the shards that the command line names.
@@ -28,6 +29,9 @@ pub(crate) fn merge(args: &Merge) -> anyhow::Result<()> {
     pool.install(|| {
         let (shards, files) = open(&args.shards, &interrupt)?;
         let load = clock.lap();
+        let remedy = "ask for fewer photons, or use a larger machine";
+        let need = memory::of_merging(&shards);
+        let predicted = cli::predict_memory(need, args.memory, remedy, &console)?;
         let maps = photon_map::merge(&shards);
         let tree = clock.lap();
         interrupt.check()?;
@@ -41,7 +45,7 @@ pub(crate) fn merge(args: &Merge) -> anyhow::Result<()> {
         let written = Written::maps(&maps, file_bytes);
         stats::say(&console, &written, &stages, &args.output);
         if let Some(path) = &args.common.stats {
-            let stats = Stats::new(None, &written, &stages);
+            let stats = Stats::new(None, &written, &stages, predicted);
             cli::write_stats(path, args.common.existing(), &stats)?;
         }
         Ok(())

@@ -66,6 +66,8 @@ pub(crate) struct Stats {
     file_bytes: u64,
     seconds: Seconds,
     cpu_seconds: Seconds,
+    /// What was predicted before the work: the next is to be no more.
+    predicted_rss_bytes: u64,
     peak_rss_bytes: u64,
 }
 
@@ -88,7 +90,12 @@ struct Seconds {
 }
 
 impl Stats {
-    pub(crate) fn new(scene: Option<&Path>, written: &Written, stages: &Stages) -> Self {
+    pub(crate) fn new(
+        scene: Option<&Path>,
+        written: &Written,
+        stages: &Stages,
+        predicted_rss_bytes: u64,
+    ) -> Self {
         let seconds = |f: fn(&cli::Seconds) -> f64| Seconds {
             load: f(&stages.load),
             bvh: f(&stages.bvh),
@@ -122,6 +129,7 @@ impl Stats {
             file_bytes: written.file_bytes,
             seconds: seconds(|s| s.wall),
             cpu_seconds: seconds(|s| s.cpu),
+            predicted_rss_bytes,
             peak_rss_bytes: cli::peak_rss_bytes(),
         }
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use base::{ImageSize, Share};
-use cli::{Common, JournalOptions, SceneOptions, parse_count};
+use cli::{Common, JournalOptions, MemoryOptions, SceneOptions, parse_count};
 use photon_map::Kernel;
 
 /// Render a scene with saved photon maps, by component
@@ -65,6 +65,9 @@ pub struct Args {
     /// What survives an end.
     #[command(flatten)]
     pub journal: JournalOptions,
+    /// What is done without memory.
+    #[command(flatten)]
+    pub memory: MemoryOptions,
     /// How the scene is read.
     #[command(flatten)]
     pub scene_options: SceneOptions,

@@ -7,6 +7,7 @@ mod diff;
 mod finished;
 mod frame;
 mod health;
+mod memory;
 mod original;
 mod output;
 mod paper;

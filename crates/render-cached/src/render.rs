@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use anyhow::bail;
 use base::{Components, Fingerprint, FingerprintBuilder, Grid, ImageSize, Inventory, Rgb, Watch};
 use cache_map::{Origin, Reason};
-use cli::{Clock, Console, Interrupt, Seconds, WrongUsage};
+use cli::{Clock, Console, Interrupt, Need, Seconds, WrongUsage};
 use film::Format;
 use mapfile::MapFile;
 use photon_map::{Gather, PhotonMaps};
@@ -21,7 +21,9 @@ use crate::photons::Photons;
 use crate::resume::{NOTHING_WRITTEN, Resume};
 use crate::tally::Tally;
 use crate::tile::Extent;
-use crate::{Args, Indirect, Mode, finished, health, original, output, paper, photons, stats};
+use crate::{
+    Args, Indirect, Mode, finished, health, memory, original, output, paper, photons, stats,
+};
 
 /// A picture by components, and what it took.
 #[derive(Debug)]
@@ -139,35 +141,18 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
         args.common.existing(),
     )?;
     if let Some(resolution) = args.resolution {
-        check_memory(args, &Extent::new(args, resolution)?)?;
+        Extent::new(args, resolution)?;
     }
     args.common.thread_pool()
 }
 
 /// Whether all of a picture is looked at, so that no band can be rendered alone.
-fn takes_all(args: &Args) -> bool {
+pub(crate) fn takes_all(args: &Args) -> bool {
     match args.mode {
         Mode::Original => false,
         Mode::Adaptive => args.error > 0.0 && args.paper.from_layers.is_none(),
         Mode::Paper => true,
     }
-}
-
-/// Refuses a picture that can't be held, as far as the system tells: it may lend more memory than it has.
-fn check_memory(args: &Args, extent: &Extent) -> anyhow::Result<()> {
-    /// Surfaces, components and layers take about so much, as `peak_rss_bytes` of `--stats` shows.
-    const BYTES_PER_PIXEL: usize = 380;
-    let size = if takes_all(args) { extent.frame.size } else { extent.largest_band(args) };
-    let bytes = size.n_pixels().saturating_mul(BYTES_PER_PIXEL);
-    if Vec::<u8>::new().try_reserve_exact(bytes).is_err() {
-        let ImageSize { width, height } = args.resolution.unwrap_or(size);
-        bail!(
-            "a picture of {width}x{height} pixels needs {} GB of memory, which the system refuses; \
-             ask for fewer with --resolution or --supersample, or for parts with --tile",
-            bytes.div_ceil(1_000_000_000)
-        );
-    }
-    Ok(())
 }
 
 fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyhow::Result<()> {
@@ -178,9 +163,12 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
 
     let cli::SceneOptions { define, lenient, no_external } = args.scene_options.clone();
     let options = scene::Options { definitions: define, lenient, no_external };
-    let loaded = scene::load_with(scene_path, &options)?;
-    loaded.warnings.iter().try_for_each(|w| console.warn(w))?;
-    let scene = loaded.scene;
+    let (parts, warnings) = scene::load_parts(scene_path, &options)?;
+    warnings.iter().try_for_each(|w| console.warn(w))?;
+    let surfaces = Need { own: parts.memory().building, mapped: 0 };
+    let of_surfaces =
+        cli::predict_memory(surfaces, args.memory, "leave out or simplify meshes", &console)?;
+    let scene = Scene::assemble(parts);
     if !scene.camera.is_pinhole() && args.supersample < 4 {
         console.warn(
             "with so few rays through the lens what is out of focus is noisy; give --supersample 4 or more",
@@ -189,7 +177,11 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let usual = ImageSize { width: 512, height: 512 };
     let resolution = args.resolution.or(scene.camera.film()).unwrap_or(usual);
     let extent = Extent::new(args, resolution)?;
-    check_memory(args, &extent)?;
+    let (picture, files) =
+        (memory::of_picture(args, &extent, &scene), memory::of_files(args, &extent));
+    let need = Need { own: picture.own + files.own, mapped: files.mapped };
+    let remedy = remedy_of_memory(args, resolution);
+    let predicted = of_surfaces.max(cli::predict_memory(need, args.memory, &remedy, &console)?);
     // Whatever tells of this picture names its size.
     let args = &Args { resolution: Some(resolution), ..args.clone() };
     let layers = args.paper.from_layers.as_ref();
@@ -264,12 +256,24 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     tally.write += clock.lap();
 
     let stages = stats::Stages { load, total: clock.total() };
-    let stats = stats::Stats::new(args, &tally, photons_digest, &stages);
+    let stats = stats::Stats::new(args, &tally, photons_digest, &stages, predicted);
     stats.say(&console);
     if let Some(path) = &args.common.stats {
         cli::write_stats(path, args.common.existing(), &stats)?;
     }
     Ok(())
+}
+
+/// What to do where there isn't enough memory.
+fn remedy_of_memory(args: &Args, ImageSize { width, height }: ImageSize) -> String {
+    let smaller = "ask for fewer pixels with --resolution or --supersample";
+    match args.mode {
+        Mode::Original => format!("{smaller} than {width}x{height}"),
+        Mode::Paper => format!(
+            "{smaller} than {width}x{height}, for parts with --tile, or for --mode original"
+        ),
+        Mode::Adaptive => format!("{smaller} than {width}x{height}, or for --mode original"),
+    }
 }
 
 /// What all bands of a picture have in common.

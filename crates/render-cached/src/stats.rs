@@ -42,6 +42,8 @@ pub(crate) struct Stats {
     photons_visited: u64,
     chains_cut: u64,
     error: Option<ErrorReport>,
+    /// What was predicted before the work: the next is to be no more.
+    predicted_rss_bytes: u64,
     peak_rss_bytes: u64,
 }
 
@@ -67,7 +69,13 @@ struct Rays {
 }
 
 impl Stats {
-    pub(crate) fn new(args: &Args, tally: &Tally, photons: Fingerprint, stages: &Stages) -> Self {
+    pub(crate) fn new(
+        args: &Args,
+        tally: &Tally,
+        photons: Fingerprint,
+        stages: &Stages,
+        predicted_rss_bytes: u64,
+    ) -> Self {
         let seconds = |f: fn(&Seconds) -> f64| StageSeconds {
             load: f(&stages.load),
             primary: f(&tally.primary),
@@ -109,6 +117,7 @@ impl Stats {
             photons_visited: counts.photons_visited,
             chains_cut: counts.chains_cut,
             error: tally.error,
+            predicted_rss_bytes,
             peak_rss_bytes: cli::peak_rss_bytes(),
         }
     }

@@ -61,12 +61,6 @@ impl Extent {
         })
     }
 
-    /// What is computed for the largest of the bands.
-    pub(crate) fn largest_band(&self, args: &Args) -> ImageSize {
-        let sizes = self.bands(args).map(|band| band.frame.size);
-        sizes.max_by_key(|size| size.n_pixels()).unwrap_or(self.frame.size)
-    }
-
     /// The same part in another frame, which holds it.
     pub(crate) fn in_frame_of(self, other: &Self) -> Self {
         Self { frame: other.frame, ..self }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use base::{Fingerprint, FingerprintBuilder, Inventory, Ray, Rgb, hash_u64};
-use geometry::{Accel, Bounds, Creases, MaterialId, Mesh, Sphere, Surface};
+use geometry::{Accel, Bounds, Creases, MaterialId, Memory, Mesh, Sphere, Surface};
 use glam::{Quat, Vec2, Vec3A};
 
 use crate::{
@@ -25,6 +25,14 @@ pub struct Parts {
     pub spheres: Vec<(String, Sphere)>,
     /// Lights that aren't surfaces.
     pub lights: Vec<Light>,
+}
+
+impl Parts {
+    /// What the surfaces of the scene take beside these parts.
+    pub fn memory(&self) -> Memory {
+        let spheres: Vec<Sphere> = self.spheres.iter().map(|(_, sphere)| *sphere).collect();
+        Memory::of(self.meshes.iter().map(|(_, mesh)| mesh), &spheres)
+    }
 }
 
 /// A scene, ready to be rendered.

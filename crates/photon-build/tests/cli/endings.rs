@@ -57,14 +57,15 @@ fn interrupts_leave_nothing() {
     for signal in ["INT", "TERM"] {
         let mut child = bench
             .command(
-                "scene.toml -o old.photons --photons 2G --stats a.json --force -v --checkpoint 0",
+                "scene.toml -o old.photons --photons 2G --stats a.json --force -v --checkpoint 0 \
+                 --ignore-memory",
             )
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
         let mut said = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
         // The scene is loaded, the photons are on their way.
-        assert!(said.next().unwrap().contains("1 lights"));
+        assert!(said.any(|line| line.contains("1 lights")));
         std::thread::sleep(Duration::from_millis(100));
         let start = Instant::now();
         let id = child.id().to_string();
@@ -72,8 +73,7 @@ fn interrupts_leave_nothing() {
         let status = child.wait().unwrap();
         let elapsed = start.elapsed();
         assert_eq!(status.code(), Some(130));
-        let rest: Vec<_> = said.collect();
-        assert_eq!(rest, ["photon-build: no photon map was written: interrupted"]);
+        assert_eq!(said.last().unwrap(), "photon-build: no photon map was written: interrupted");
         assert!(elapsed < Duration::from_secs(2), "{elapsed:?}");
         assert!(bench.files() == before);
     }

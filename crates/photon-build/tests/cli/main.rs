@@ -7,6 +7,7 @@ mod bench;
 mod damage;
 mod endings;
 mod maps;
+mod memory;
 mod outputs;
 mod resume;
 mod shards;

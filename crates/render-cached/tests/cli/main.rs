@@ -12,6 +12,7 @@ mod endings;
 mod faults;
 mod gather;
 mod maps;
+mod memory;
 mod mitsuba;
 mod outputs;
 mod parts;

@@ -115,7 +115,9 @@ fn threads_change_no_byte_and_no_count() {
             }
             let mut account = bench.json(&json);
             assert_eq!(account["threads"].to_string(), threads);
-            for varies in ["threads", "seconds", "cpu_seconds", "peak_rss_bytes"] {
+            for varies in
+                ["threads", "seconds", "cpu_seconds", "peak_rss_bytes", "predicted_rss_bytes"]
+            {
                 account[varies] = Value::Null;
             }
             accounts.push(account);
@@ -169,8 +171,8 @@ fn stats_keep_their_contract() {
         // How many specular chains were cut, and what was reused, is more than the contract asks for.
         assert_eq!(
             keys(&stats),
-            "chains_cut cpu_seconds error interpolated mode peak_rss_bytes photons_fingerprint photons_visited program \
-             rays resolution reused scene seconds seed supersample threads traced version"
+            "chains_cut cpu_seconds error interpolated mode peak_rss_bytes photons_fingerprint photons_visited \
+             predicted_rss_bytes program rays resolution reused scene seconds seed supersample threads traced version"
         );
         for times in ["seconds", "cpu_seconds"] {
             let stages = "cache caustic direct indirect load primary specular total write";

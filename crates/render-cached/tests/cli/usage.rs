@@ -1,9 +1,5 @@
 //! Wrong command lines.
 
-use std::process::Command;
-
-use assert_cmd::assert::OutputAssertExt;
-
 use crate::bench::{Bench, SMALL};
 
 #[test]
@@ -95,21 +91,6 @@ fn combinations_without_sense_are_told() {
             &format!("cannot tell the format of {name}; end its name in .exr or .png"),
         );
     }
-}
-
-#[test]
-fn pictures_beyond_memory_are_refused() {
-    let bench = Bench::new();
-    let before = bench.files();
-    let script = "ulimit -v 4000000; $PROGRAM scene.toml --photons a.photons -o a.exr --resolution 5000x5000";
-    Command::new("sh")
-        .args(["-c", script])
-        .env("PROGRAM", env!("CARGO_BIN_EXE_render-cached"))
-        .current_dir(bench.path(""))
-        .assert()
-        .code(1)
-        .stderr("render-cached: a picture of 5000x5000 pixels needs 10 GB of memory, which the system refuses; ask for fewer with --resolution or --supersample, or for parts with --tile\n");
-    assert!(bench.files() == before);
 }
 
 #[test]

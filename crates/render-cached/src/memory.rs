@@ -1,0 +1,109 @@
+//! How much memory a picture takes.
+//!
+//! The figures are what `peak_rss_bytes` of `--stats` shows with pictures of 512x512 to 8192x8192 pixels.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cli::Need;
+use scene::{LightKind, Scene};
+
+use crate::render::takes_all;
+use crate::tile::Extent;
+use crate::{Args, Indirect, Mode};
+
+/// What a frame and its finished components take of a subpixel.
+const FRAME: u64 = 52;
+const FINISHED: u64 = 52;
+
+/// What the history of a component takes in mode adaptive, of all four.
+const HISTORY: u64 = 8;
+
+/// What mode original takes while it computes: numbers of pixels, and radiance on its way to its place.
+const SHADING: u64 = 32;
+
+/// What mode paper takes at most: frame, cache map, its surfaces, and what it traces.
+const PAPER: u64 = 205;
+
+/// What mode adaptive takes at most, and of each light whose visibility is cached.
+const ADAPTIVE: u64 = 225;
+const CACHED_LIGHT: u64 = 20;
+
+/// A band while its layers are made and packed: of a pixel, in mode adaptive, where there is no file for them, and of a
+/// subpixel where there are several.
+const LAYERS: u64 = 280;
+const LEVELS: u64 = 24;
+const PLAIN: u64 = 84;
+const FILTERED: u64 = 24;
+
+/// What is kept of a pixel until the end: for a PNG, and of a part, whose digest comes first in its file.
+const SHOWN: u64 = 24;
+const PACKED: u64 = 64;
+
+/// What a picture takes from now on: neither the scene nor what computes it counts.
+pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
+    let subpixels = |extent: &Extent| extent.frame.size.n_pixels() as u64;
+    let pixels = |extent: &Extent| extent.part.size.n_pixels() as u64;
+    let has = |ending: &str| args.output.iter().any(|path| ends_in(path, ending));
+    let of_pixel = match (has("exr"), args.mode) {
+        (false, _) => PLAIN,
+        (true, Mode::Adaptive) => LAYERS + LEVELS,
+        (true, Mode::Original | Mode::Paper) => LAYERS,
+    };
+    let layers = |band: &Extent| {
+        of_pixel * pixels(band) + if args.supersample > 1 { FILTERED * subpixels(band) } else { 0 }
+    };
+    let bands = || extent.bands(args);
+    let history = if args.mode == Mode::Adaptive && args.error > 0.0 { HISTORY } else { 0 };
+    let finished = FRAME + FINISHED + history;
+    let at_work = match takes_all(args) {
+        true => {
+            let most = match args.mode {
+                Mode::Adaptive => ADAPTIVE + CACHED_LIGHT * n_cached(scene),
+                Mode::Original | Mode::Paper => PAPER,
+            };
+            let of_layers = bands().map(|band| layers(&band)).max().unwrap_or(0);
+            (most * subpixels(extent)).max(finished * subpixels(extent) + of_layers)
+        }
+        false => {
+            let of_band = |band: Extent| {
+                finished * subpixels(&band) + layers(&band).max(SHADING * subpixels(&band))
+            };
+            bands().map(of_band).max().unwrap_or(0)
+        }
+    };
+    let kept =
+        if has("png") { SHOWN } else { 0 } + if args.is_part() && has("exr") { PACKED } else { 0 };
+    Need { own: at_work + kept * pixels(extent), mapped: 0 }
+}
+
+/// What the files that a run reads take.
+pub(crate) fn of_files(args: &Args, extent: &Extent) -> Need {
+    let length = |path: &Option<PathBuf>| {
+        path.as_ref().and_then(|path| fs::metadata(path).ok()).map_or(0, |file| file.len())
+    };
+    if args.paper.from_layers.is_some() {
+        // Nothing is computed from photons, and layers are read where the part shows them.
+        let share = extent.part.size.n_pixels() as f64 / extent.part.whole.n_pixels() as f64;
+        let layers = length(&args.paper.from_layers) as f64 * share;
+        return Need { own: 0, mapped: layers as u64 };
+    }
+    let photons = length(&args.photons);
+    // Irradiance at one in 64 photons, and the spots.
+    let ahead = if args.shading.indirect == Indirect::Gather { photons / 4 } else { 0 };
+    let records = length(&args.paper.from_cache);
+    Need { own: ahead + records, mapped: photons + records }
+}
+
+/// Lights with a visibility of their own, and all others together.
+fn n_cached(scene: &Scene) -> u64 {
+    const SEPARATE: usize = 4;
+    let is_image = |kind: &LightKind| matches!(kind, LightKind::EnvironmentMap(_));
+    let n_images = scene.lights.iter().filter(|light| is_image(&light.kind)).count();
+    let n_others = scene.lights.len() - n_images;
+    n_others.min(SEPARATE) as u64 + u64::from(n_images > 0 || n_others > SEPARATE)
+}
+
+fn ends_in(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
+}
