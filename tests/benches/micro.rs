@@ -161,8 +161,8 @@ fn trees(criterion: &mut Criterion) {
     }
 }
 
-/// Photons in an estimate, as `render-cached` takes them for indirect light.
-const K: usize = 500;
+/// Photons in an estimate: as `render-cached` takes them for caustics and for indirect light.
+const KS: [usize; 2] = [100, 500];
 
 /// Gathers a second around what an eye sees, in the order of its pixels and shuffled.
 fn gathers(criterion: &mut Criterion) {
@@ -170,33 +170,35 @@ fn gathers(criterion: &mut Criterion) {
         let name = format!("gather from {name} photons");
         let mut group = group(criterion, &name, "queries", N_GATHERS);
         for order in Order::ALL {
-            group.bench_function(BenchmarkId::new(format!("{K} nearest"), order.name()), |b| {
-                let (points, set) = (field.points(order), field.set());
-                let gather =
-                    Gather { k: K, max_radius: field.max_radius, kernel: Kernel::Epanechnikov };
-                let mut scratch = Scratch::default();
-                b.iter(|| {
-                    let mut sum = Rgb::BLACK;
-                    for Point { position, normal, .. } in &points {
-                        sum += set
-                            .irradiance(*position, *normal, &gather, None, &mut scratch)
-                            .irradiance;
-                    }
-                    sum
-                });
-            });
-            group.bench_function(
-                BenchmarkId::new(format!("{K} nearest, kiddo"), order.name()),
-                |b| {
-                    let (points, peer) = (field.points(order), field.peer());
+            for k in KS {
+                group.bench_function(BenchmarkId::new(format!("{k} nearest"), order.name()), |b| {
+                    let (points, set) = (field.points(order), field.set());
+                    let gather =
+                        Gather { k, max_radius: field.max_radius, kernel: Kernel::Epanechnikov };
+                    let mut scratch = Scratch::default();
                     b.iter(|| {
-                        points
-                            .iter()
-                            .map(|p| peer.nearest(p.position, K, field.max_radius))
-                            .sum::<Rgb>()
+                        let mut sum = Rgb::BLACK;
+                        for Point { position, normal, .. } in &points {
+                            sum += set
+                                .irradiance(*position, *normal, &gather, None, &mut scratch)
+                                .irradiance;
+                        }
+                        sum
                     });
-                },
-            );
+                });
+                group.bench_function(
+                    BenchmarkId::new(format!("{k} nearest, kiddo"), order.name()),
+                    |b| {
+                        let (points, peer) = (field.points(order), field.peer());
+                        b.iter(|| {
+                            points
+                                .iter()
+                                .map(|p| peer.nearest(p.position, k, field.max_radius))
+                                .sum::<Rgb>()
+                        });
+                    },
+                );
+            }
             group.bench_function(BenchmarkId::new("within a radius", order.name()), |b| {
                 let (points, set, radius) = (field.points(order), field.set(), field.radius());
                 b.iter(|| {
@@ -236,18 +238,20 @@ fn gathers_outside(criterion: &mut Criterion, name: &str, field: &Field) {
     };
     let about = |sum: f64, expected: f64| (sum / expected - 1.0).abs() < 0.01;
     for (set, order) in Order::ALL.into_iter().enumerate() {
-        let id = BenchmarkId::new(format!("{K} nearest, nanoflann"), order.name());
-        group.bench_function(id, |b| {
-            let (points, peer) = (field.points(order), field.peer());
-            let near = |p: &Point| peer.nearest(p.position, K, field.max_radius);
-            let expected = total(points.iter().map(near).sum());
-            b.iter_custom(|n| {
-                let question = format!("nearest {set} {n} {K} {}", field.max_radius);
-                let (sum, time) = nanoflann.ask(&question);
-                assert!(about(sum, expected), "{sum}, and kiddo {expected}");
-                time
+        for k in KS {
+            let id = BenchmarkId::new(format!("{k} nearest, nanoflann"), order.name());
+            group.bench_function(id, |b| {
+                let (points, peer) = (field.points(order), field.peer());
+                let near = |p: &Point| peer.nearest(p.position, k, field.max_radius);
+                let expected = total(points.iter().map(near).sum());
+                b.iter_custom(|n| {
+                    let question = format!("nearest {set} {n} {k} {}", field.max_radius);
+                    let (sum, time) = nanoflann.ask(&question);
+                    assert!(about(sum, expected), "{sum}, and kiddo {expected}");
+                    time
+                });
             });
-        });
+        }
         let id = BenchmarkId::new("within a radius, nanoflann", order.name());
         group.bench_function(id, |b| {
             let (points, peer, radius) = (field.points(order), field.peer(), field.radius());
