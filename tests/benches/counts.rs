@@ -15,14 +15,15 @@ use crate::fields::{self, Even, Field, Order, SIZE, occlusion_rays, primary, ray
 /// A loop of this name prepares itself, and gives what is then repeated.
 type Prepare = fn() -> Box<dyn FnMut()>;
 
-const LOOPS: [(&str, Prepare); 9] = [
+const LOOPS: [(&str, Prepare); 10] = [
     ("closest hit, coherent", || closest_hits(Order::Coherent)),
     ("closest hit, random", || closest_hits(Order::Random)),
     ("occlusion, coherent", || occlusions(Order::Coherent)),
     ("occlusion, random", || occlusions(Order::Random)),
     ("photon tracing", photon_tracing),
     ("kd-tree build", tree_build),
-    ("gather, 500 nearest", nearest),
+    ("gather, 100 nearest", || nearest(100)),
+    ("gather, 500 nearest", || nearest(500)),
     ("gather, within a radius", within),
     ("interpolation, adaptive", interpolation),
 ];
@@ -79,10 +80,10 @@ fn tree_build() -> Box<dyn FnMut()> {
     })
 }
 
-fn nearest() -> Box<dyn FnMut()> {
+fn nearest(k: usize) -> Box<dyn FnMut()> {
     let field = Field::new(&scene("cornell-box"), N_PHOTONS);
     let (points, mut scratch) = (field.points(Order::Coherent), Scratch::default());
-    let gather = Gather { k: 500, max_radius: field.max_radius, kernel: Kernel::Epanechnikov };
+    let gather = Gather { k, max_radius: field.max_radius, kernel: Kernel::Epanechnikov };
     field.set();
     Box::new(move || {
         for p in &points[..512] {

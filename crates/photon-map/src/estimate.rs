@@ -3,13 +3,10 @@
 use base::{Rgb, decode_octahedral, math::PI};
 use glam::Vec3A;
 
-use crate::Kernel;
-use crate::set::{LEAF, Leaf, PhotonSet};
+use crate::leaf::{Counted, MIN_COS_NORMALS, Surface};
+use crate::set::{LEAF, PhotonSet};
 use crate::sum::Sum;
-
-/// A photon counts for a surface only if its normal is within this cosine of the surface's (26 degrees): photons from
-/// the other side of a thin wall, or from around a corner, don't.
-const MIN_COS_NORMALS: f32 = 0.9;
+use crate::{Kernel, leaf};
 
 /// How an estimate is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,17 +48,6 @@ struct Candidates {
     dist2: Vec<f32>,
     /// As packed.
     flux: Vec<u32>,
-}
-
-/// Photons of one leaf.
-struct Found<'a> {
-    leaf: usize,
-    /// Squared distances.
-    dist2: &'a [f32],
-    /// Places in the leaf.
-    lanes: &'a [u32],
-    /// As packed.
-    flux: &'a [u32],
 }
 
 impl PhotonSet {
@@ -133,9 +119,9 @@ impl PhotonSet {
     ) -> Estimate {
         let radius2 = radius * radius;
         let (mut sum, mut found) = (Sum::default(), 0);
-        let visited = self.accept(point, normal, radius2.next_down(), |photons| {
-            sum.add(photons.dist2, photons.flux, radius2, kernel);
-            found += photons.dist2.len();
+        let visited = self.accept(point, normal, radius2.next_down(), |_, photons| {
+            sum.add(photons.dist2(), photons.flux(), radius2, kernel);
+            found += photons.dist2().len();
             None
         });
         Estimate { irradiance: self.density(&sum, radius2), radius, found, visited }
@@ -150,9 +136,9 @@ impl PhotonSet {
         max_radius: f32,
     ) -> Vec<(f32, u32)> {
         let mut all = Vec::new();
-        self.accept(point, normal, max_radius * max_radius, |photons| {
-            let indices = photons.lanes.iter().map(|lane| (photons.leaf * LEAF) as u32 + lane);
-            all.extend(photons.dist2.iter().copied().zip(indices));
+        self.accept(point, normal, max_radius * max_radius, |leaf, photons| {
+            let indices = photons.lanes().map(|lane| (leaf * LEAF + lane) as u32);
+            all.extend(photons.dist2().iter().copied().zip(indices));
             None
         });
         all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -168,9 +154,9 @@ impl PhotonSet {
         radius: f32,
         mut f: impl FnMut(f32, usize),
     ) {
-        self.accept(point, normal, (radius * radius).next_down(), |photons| {
-            for (&dist2, &lane) in photons.dist2.iter().zip(photons.lanes) {
-                f(dist2, photons.leaf * LEAF + lane as usize);
+        self.accept(point, normal, (radius * radius).next_down(), |leaf, photons| {
+            for (&dist2, lane) in photons.dist2().iter().zip(photons.lanes()) {
+                f(dist2, leaf * LEAF + lane);
             }
             None
         });
@@ -208,9 +194,9 @@ impl PhotonSet {
         let Scratch { candidates, ordered } = scratch;
         candidates.keep(|_| false);
         let mut full = 3 * k + 4 * LEAF;
-        self.accept(point, normal, bound2, |photons| {
-            candidates.dist2.extend_from_slice(photons.dist2);
-            candidates.flux.extend_from_slice(photons.flux);
+        self.accept(point, normal, bound2, |_, photons| {
+            candidates.dist2.extend_from_slice(photons.dist2());
+            candidates.flux.extend_from_slice(photons.flux());
             (candidates.len() >= full).then(|| {
                 // Too many: keep those within the distance of number k.
                 let bound2 = kth_smallest(&candidates.dist2, k, ordered);
@@ -229,48 +215,30 @@ impl PhotonSet {
         point: Vec3A,
         normal: Vec3A,
         bound2: f32,
-        mut found: impl FnMut(&Found<'_>) -> Option<f32>,
+        mut found: impl FnMut(usize, &Counted) -> Option<f32>,
     ) -> usize {
         let (boxes, leaves) = (&*self.boxes, &*self.leaves);
-        let (mut near, mut lanes, mut flux) = ([0.0_f32; LEAF], [0_u32; LEAF], [0_u32; LEAF]);
-        let is_facing = |code| decode_octahedral(code).dot(normal) > MIN_COS_NORMALS;
-        // Neighbors mostly share their normal.
-        let mut last = (0, is_facing(0));
-        let mut visited = 0;
-        self.walk(point, bound2, |leaf, bound2| {
+        let (mut surface, mut counted) = (Surface::new(point, normal), Counted::new());
+        let (mut visited, mut bound2) = (0, bound2);
+        let mut look = |leaf: usize, bound2: f32| {
             let n = LEAF.min(self.n - leaf * LEAF);
             visited += n;
-            let dist2 = boxes[leaf].distances(&leaves[leaf], point, normal);
-            let Leaf { normals, flux: fluxes, .. } = &leaves[leaf];
-            // Each photon is written, and overwritten by the next unless it counts: a branch would be mispredicted every
-            // other time. The remainders spare the bounds checks.
-            let mut n_near = 0;
-            for (lane, &dist2) in dist2[..n].iter().enumerate() {
-                near[n_near % LEAF] = dist2;
-                lanes[n_near % LEAF] = lane as u32;
-                n_near += usize::from(dist2 <= bound2);
-            }
-            let mut n_found = 0;
-            for i in 0..n_near {
-                let lane = lanes[i];
-                let code = normals[lane as usize % LEAF];
-                if code != last.0 {
-                    last = (code, is_facing(code));
-                }
-                near[n_found % LEAF] = near[i];
-                lanes[n_found % LEAF] = lane;
-                flux[n_found % LEAF] = fluxes[lane as usize % LEAF];
-                n_found += usize::from(last.1);
-            }
-            let photons = Found {
-                leaf,
-                dist2: &near[..n_found],
-                lanes: &lanes[..n_found],
-                flux: &flux[..n_found],
-            };
-            let smaller = if n_found > 0 { found(&photons) } else { None };
+            surface.count((&boxes[leaf], &leaves[leaf]), n, bound2, &mut counted);
+            let smaller = if counted.dist2().is_empty() { None } else { found(leaf, &counted) };
             smaller.unwrap_or(bound2)
+        };
+        // A leaf is on its way from memory while the one before is looked at.
+        let mut coming = None;
+        self.walk(point, bound2, |leaf, _| {
+            leaf::prefetch(&leaves[leaf]);
+            if let Some(leaf) = coming.replace(leaf) {
+                bound2 = look(leaf, bound2);
+            }
+            bound2
         });
+        if let Some(leaf) = coming {
+            look(leaf, bound2);
+        }
         visited
     }
 

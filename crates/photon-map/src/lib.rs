@@ -8,6 +8,7 @@ mod estimate;
 mod file;
 mod flux;
 mod kernel;
+mod leaf;
 mod merge;
 mod reach;
 mod set;
