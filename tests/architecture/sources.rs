@@ -21,7 +21,7 @@ const NOT_IN_STAGES: [&str; 3] = ["std::process", "stdout", "stderr"];
 /// What nothing may hold, since the same inputs must give the same bytes.
 const NOT_IN_CRATES: [&str; 4] = ["SystemTime", "RandomState", "ThreadId", "todo!"];
 
-/// The modules that hold unsafe code: one maps a file, one uses instructions that not all processors have.
+/// The modules that hold unsafe code: one maps a file, two use instructions that not all processors have.
 const UNSAFE: [&str; 3] = [
     "crates/mapfile/src/map.rs",
     "crates/geometry/src/traverse/avx2.rs",
