@@ -29,6 +29,7 @@ use criterion::{BatchSize, BenchmarkGroup, BenchmarkId, Criterion, SamplingMode,
 use geometry::Accel;
 use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet, Scratch};
 use photon_trace::{Budget, Config, trace};
+use rayon::prelude::*;
 use scene::Scene;
 
 use crate::fields::{
@@ -62,6 +63,7 @@ fn main() -> ExitCode {
     gathers(&mut criterion);
     interpolation(&mut criterion);
     map_open(&mut criterion);
+    second_thread(&mut criterion);
     criterion.final_summary();
     ExitCode::SUCCESS
 }
@@ -130,20 +132,21 @@ fn bvh(criterion: &mut Criterion) {
     }
 }
 
+const N_TRACED: u64 = 100_000;
+const TRACING: Config = Config {
+    budget: Budget::Total(N_TRACED),
+    seed: 0,
+    max_bounces: 1024,
+    store_direct: false,
+    aim: 0.0,
+};
+
 /// Photons a second from emission to absorption.
 fn photon_tracing(criterion: &mut Criterion) {
-    const N: u64 = 100_000;
-    let mut group = group(criterion, "photon tracing", "photons", N as usize);
+    let mut group = group(criterion, "photon tracing", "photons", N_TRACED as usize);
     for (name, scene) in [("cornell-box", &BOX), ("rabbit", &RABBIT)] {
         group.bench_function(name, |b| {
-            let config = Config {
-                budget: Budget::Total(N),
-                seed: 0,
-                max_bounces: 1024,
-                store_direct: false,
-                aim: 0.0,
-            };
-            b.iter(|| trace(scene, &config, &|_| true));
+            b.iter(|| trace(scene, &TRACING, &|_| true));
         });
     }
 }
@@ -315,6 +318,49 @@ fn interpolation(criterion: &mut Criterion) {
 
 fn surface_point(point: Option<Point>) -> Option<SurfacePoint> {
     point.map(|p| SurfacePoint { position: p.position.into(), normal: p.normal.into() })
+}
+
+/// The same work on one thread and on two: what a second thread is good for.
+fn second_thread(criterion: &mut Criterion) {
+    let pool = |n| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
+        pool.expect("threads can be started")
+    };
+    let pools = [("1 thread", pool(1)), ("2 threads", pool(2))];
+    let mut rays_by = group(criterion, "threads", "rays", N_RAYS);
+    for (name, pool) in &pools {
+        rays_by.bench_function(format!("closest hit, {name}"), |b| {
+            let rays = rays(&RABBIT, Order::Random);
+            let is_hit = |ray: &&Ray| RABBIT.accel.closest_hit(ray).is_some();
+            let hits = || rays.par_chunks(256).map(|rays| rays.iter().filter(is_hit).count());
+            b.iter(|| pool.install(|| hits().sum::<usize>()));
+        });
+    }
+    drop(rays_by);
+    let mut gathers_by = group(criterion, "threads", "queries", N_GATHERS);
+    for (name, pool) in &pools {
+        gathers_by.bench_function(format!("100 nearest of 1 M, {name}"), |b| {
+            let field = &FIELDS[0];
+            let (points, set) = (field.points(Order::Coherent), field.set());
+            let gather =
+                Gather { k: 100, max_radius: field.max_radius, kernel: Kernel::Epanechnikov };
+            let found = |points: &[Point]| {
+                let mut scratch = Scratch::default();
+                let found = |p: &Point| {
+                    set.irradiance(p.position, p.normal, &gather, None, &mut scratch).found
+                };
+                points.iter().map(found).sum::<usize>()
+            };
+            b.iter(|| pool.install(|| points.par_chunks(64).map(found).sum::<usize>()));
+        });
+    }
+    drop(gathers_by);
+    let mut photons_by = group(criterion, "threads", "photons", N_TRACED as usize);
+    for (name, pool) in &pools {
+        photons_by.bench_function(format!("photon tracing, {name}"), |b| {
+            b.iter(|| pool.install(|| trace(&BOX, &TRACING, &|_| true)));
+        });
+    }
 }
 
 /// Photons a second that are ready for use after opening a map.

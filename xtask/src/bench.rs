@@ -2,6 +2,7 @@
 
 mod against;
 mod bars;
+mod budgets;
 mod counts;
 pub(crate) mod environment;
 mod figures;

@@ -2,6 +2,7 @@
 
 mod faults;
 mod loads;
+mod scale;
 mod tasks;
 
 use std::fs;
@@ -69,8 +70,12 @@ const TRIALS: [(&str, Trial); 17] = [
 ];
 
 /// Those that [`Args::long`] adds.
-const LONG: [(&str, Trial); 1] =
-    [("a map of 100M photons, within 4 GB of addresses", loads::hundred_million)];
+const LONG: [(&str, Trial); 4] = [
+    ("a map of 100M photons, within 4 GB of addresses", loads::hundred_million),
+    ("pictures of 8192x8192 pixels", scale::large_pictures),
+    ("a mesh of 50 million triangles", scale::large_mesh),
+    ("the time of a photon among 100 million", scale::time_per_photon),
+];
 
 /// Builds the programs, makes every trial, and writes the table.
 ///

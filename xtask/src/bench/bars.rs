@@ -14,18 +14,18 @@ const GROWTH_SIZES: [u32; 2] = [512, 2048];
 const MOST_PASS_1: f64 = 0.04;
 
 /// A figure, and what is demanded of it.
-struct Bar {
-    name: &'static str,
-    demanded: Demanded,
+pub(crate) struct Bar {
+    pub(crate) name: String,
+    pub(crate) demanded: Demanded,
     /// `None` where it wasn't measured.
-    measured: Option<f64>,
-    show: fn(f64) -> String,
+    pub(crate) measured: Option<f64>,
+    pub(crate) show: fn(f64) -> String,
     /// Why the bar doesn't count, if it doesn't.
-    waived: Option<String>,
+    pub(crate) waived: Option<String>,
 }
 
 #[derive(Clone, Copy)]
-enum Demanded {
+pub(crate) enum Demanded {
     AtLeast(f64),
     AtMost(f64),
     Within(f64, f64),
@@ -43,7 +43,7 @@ pub(crate) fn table(runs: &Runs, scene: &SceneRuns) -> Option<Table> {
     let mut table = Table::new(caption, ["", "demanded", "measured", "holds"]);
     for bar in &bars {
         let measured = bar.measured.map_or_else(String::new, bar.show);
-        table.push(bar.name, [bar.demanded.text(bar.show), measured, bar.verdict()]);
+        table.push(bar.name.clone(), [bar.demanded.text(bar.show), measured, bar.verdict()]);
     }
     table.notes.push(summary(&bars));
     for (bar, why) in bars.iter().filter_map(|bar| Some((bar, bar.waived.as_ref()?))) {
@@ -60,7 +60,7 @@ pub(crate) fn table(runs: &Runs, scene: &SceneRuns) -> Option<Table> {
 fn summary(bars: &[Bar]) -> String {
     let counts: Vec<&Bar> =
         bars.iter().filter(|b| b.measured.is_some() && b.waived.is_none()).collect();
-    let fails: Vec<&str> = counts.iter().filter(|b| !b.holds()).map(|b| b.name).collect();
+    let fails: Vec<&str> = counts.iter().filter(|b| !b.holds()).map(|b| b.name.as_str()).collect();
     match fails.as_slice() {
         [] => format!("All {} bars that were measured hold.", counts.len()),
         _ => format!(
@@ -81,7 +81,13 @@ fn bars(runs: &Runs, scene: &SceneRuns, size: &SizeRuns, mode: &ModeRuns) -> Vec
     let share = |v: f64| percent(v, 1);
     let flip = |v: f64| format!("{v:.4}");
     let times = |v: f64| format!("{v:.2}");
-    let bar = |name, demanded, measured, show| Bar { name, demanded, measured, show, waived: None };
+    let bar = |name: &str, demanded, measured, show| Bar {
+        name: name.into(),
+        demanded,
+        measured,
+        show,
+        waived: None,
+    };
 
     // Four eye rays and more see the same cache.
     let pass_2 = if runs.settings.supersample > 1 { 0.97 } else { 0.92 };
@@ -142,7 +148,7 @@ fn slowest(scene: &SceneRuns) -> Option<f64> {
 }
 
 impl Bar {
-    fn holds(&self) -> bool {
+    pub(crate) fn holds(&self) -> bool {
         self.measured.is_some_and(|v| match self.demanded {
             Demanded::AtLeast(least) => least <= v,
             Demanded::AtMost(most) => v <= most,
@@ -150,7 +156,7 @@ impl Bar {
         })
     }
 
-    fn verdict(&self) -> String {
+    pub(crate) fn verdict(&self) -> String {
         match (self.measured, &self.waived) {
             (None, _) => "not measured".into(),
             (_, Some(_)) => "doesn't count".into(),
@@ -161,7 +167,7 @@ impl Bar {
 }
 
 impl Demanded {
-    fn text(self, show: fn(f64) -> String) -> String {
+    pub(crate) fn text(self, show: fn(f64) -> String) -> String {
         match self {
             Self::AtLeast(v) => format!("at least {}", show(v)),
             Self::AtMost(v) => format!("at most {}", show(v)),

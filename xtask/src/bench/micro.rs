@@ -6,11 +6,13 @@ use std::process::Command;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::budgets::{self, Whole};
 use crate::bench::environment::Environment;
 use crate::bench::rates::{self, Rate};
 use crate::bench::spread::Spread;
 use crate::bench::{command_line, outside, peers, record};
 use crate::programs::root;
+use crate::table::Table;
 
 /// The files of a recorded run.
 const JSON: &str = "micro.json";
@@ -39,6 +41,9 @@ struct Micro {
     /// CPU seconds of a piece of work that is the same everywhere, before and after.
     yardsticks: Spread,
     rates: Vec<Rate>,
+    /// What budgets ask of the programs; not where a filter asks for less.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    whole: Option<Whole>,
 }
 
 /// Runs the benchmarks of the package of tests.
@@ -72,11 +77,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .status()
         .context("cannot run cargo")?;
     ensure!(status.success(), "the benchmarks failed; the reason is above");
+    let whole = if args.filter.is_none() { Some(budgets::whole()?) } else { None };
     yardsticks.extend((0..3).map(|_| outside::yardstick()));
 
-    let micro =
-        Micro { environment, yardsticks: Spread::of(yardsticks), rates: rates::read(&folder)? };
-    println!("\n{}", rates::table(&micro.rates));
+    let (yardsticks, rates) = (Spread::of(yardsticks), rates::read(&folder)?);
+    let micro = Micro { environment, yardsticks, rates, whole };
+    micro.tables().iter().for_each(|table| println!("\n{table}"));
     if let Some(then) = &then {
         println!("Then: commit {} on {}", then.environment.commit, then.environment.processor);
         let changes =
@@ -90,14 +96,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+impl Micro {
+    fn tables(&self) -> [Table; 2] {
+        [rates::table(&self.rates), budgets::table(&self.rates, self.whole.as_ref())]
+    }
+}
+
 fn keep(name: &str, micro: &Micro) -> anyhow::Result<()> {
-    let table = rates::table(&micro.rates);
-    let page = format!(
-        "# Rates of single stages, {name}\n\n{}\n{}{}",
-        micro.environment.list(),
-        table.to_markdown(),
-        table.notes.iter().map(|note| format!("\n{note}\n")).collect::<String>()
-    );
+    let section = |table: &Table| {
+        let notes: String = table.notes.iter().map(|note| format!("\n{note}\n")).collect();
+        format!("\n### {}\n\n{}{notes}", table.caption, table.to_markdown())
+    };
+    let sections: String = micro.tables().iter().map(section).collect();
+    let page =
+        format!("# Rates of single stages, {name}\n\n{}{sections}", micro.environment.list());
     let json = serde_json::to_string_pretty(micro)? + "\n";
     record::write(name, &[(JSON, &json), (PAGE, &page)])
 }

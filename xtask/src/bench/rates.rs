@@ -71,15 +71,15 @@ struct Sample {
 
 impl Rate {
     /// What is counted, in a second.
-    fn per_second(&self) -> f64 {
+    pub(crate) fn per_second(&self) -> f64 {
         self.elements as f64 / self.seconds.median
     }
 
-    fn is_of_the_same(&self, other: &Self) -> bool {
+    pub(crate) fn is_of_the_same(&self, other: &Self) -> bool {
         (&self.stage, &self.case) == (&other.stage, &other.case)
     }
 
-    fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         format!("{}, {}", self.stage, self.case)
     }
 }
@@ -143,7 +143,8 @@ fn rate(folder: &Path) -> anyhow::Result<Rate> {
 /// All rates, those of others beside ours.
 pub(crate) fn table(rates: &[Rate]) -> Table {
     let header = ["", "in a second", "spread", "others", "ours, of the fastest other"];
-    let mut table = Table::new("Rates of single stages, on one thread: medians", header);
+    let mut table =
+        Table::new("Rates of single stages, on one thread unless it says two: medians", header);
     for rate in rates.iter().filter(|rate| rate.peer.is_none()) {
         let ours = rate.per_second();
         let others = rates.iter().filter(|r| r.is_of_the_same(rate));
@@ -189,7 +190,7 @@ pub(crate) fn changes(
 }
 
 /// Three digits, and K or M.
-fn short(n: f64) -> String {
+pub(crate) fn short(n: f64) -> String {
     let (n, unit) = match n {
         n if n >= 1e6 => (n / 1e6, " M"),
         n if n >= 1e3 => (n / 1e3, " K"),
