@@ -19,6 +19,11 @@ impl ImageSize {
         self.width as usize * self.height as usize
     }
 
+    /// All pixels, row by row.
+    pub fn pixels(self) -> impl Iterator<Item = Pixel> {
+        (0..self.height).flat_map(move |y| (0..self.width).map(move |x| Pixel { x, y }))
+    }
+
     /// The pixel at a row-major index.
     #[inline]
     pub fn pixel(self, index: usize) -> Pixel {
@@ -51,8 +56,10 @@ pub struct Grid<T> {
 
 impl<T> Grid<T> {
     /// `f` of each pixel.
-    pub fn from_fn(size: ImageSize, f: impl FnMut(Pixel) -> T) -> Self {
-        Self { size, values: (0..size.n_pixels()).map(|i| size.pixel(i)).map(f).collect() }
+    pub fn from_fn(size: ImageSize, mut f: impl FnMut(Pixel) -> T) -> Self {
+        let mut values = Vec::with_capacity(size.n_pixels());
+        size.pixels().for_each(|pixel| values.push(f(pixel)));
+        Self { size, values }
     }
 
     /// The values in row-major order.

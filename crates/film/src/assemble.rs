@@ -42,7 +42,7 @@ pub fn assemble_exr(path: &Path, existing: Existing, parts: &[Part]) -> Result<u
             rows.into_iter().map(|rows| bands.next_block(rows)).collect();
         Ok(blocks?.into_par_iter().map(|block| block.packed(width)).collect())
     });
-    write_blocks(path, existing, header, blocks)
+    write_blocks(path, existing, header, None, blocks)
 }
 
 /// The beauty of the picture that the parts make up.

@@ -47,6 +47,6 @@ pub use picture::Picture;
 pub use read_exr::{read_exr, read_rgb};
 pub use reconstruct::{Filter, reconstruct};
 pub use srgb::decode as decode_srgb;
-pub use write_exr::{write_exr, write_exr_bands};
+pub use write_exr::{PackedRows, write_exr, write_packed_exr};
 pub use write_png::write_png;
 pub use zip::LINES as BLOCK_ROWS;

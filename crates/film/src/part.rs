@@ -4,6 +4,7 @@
 //! are. The digest is of everything, the blocks as they lie in the file: a part may lie on any disk for any time before it
 //! is joined with others, and the format itself doesn't notice damage to what can't be compressed.
 
+use std::fmt::{self, Display};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::ops::Range;
@@ -218,18 +219,21 @@ impl PartDigest {
     }
 }
 
-impl std::fmt::Display for PartDigest {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl Display for PartDigest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let digest: Fingerprint = self.0.finish();
         digest.fmt(f)
     }
 }
 
-const BEFORE_DIGEST: &str = r#"{"part":{"digest":""#;
+/// As long as any digest: keeps its place while it isn't known.
+pub(crate) const NO_DIGEST: &str = "0000000000000000";
+
+pub(crate) const BEFORE_DIGEST: &str = r#"{"part":{"digest":""#;
 const AFTER_DIGEST: &str = r#""},"picture":"#;
 
 /// The metadata of a part.
-pub(crate) fn seal(digest: PartDigest, metadata: &str) -> String {
+pub(crate) fn seal(digest: impl Display, metadata: &str) -> String {
     let metadata = if metadata.is_empty() { "null" } else { metadata };
     format!("{BEFORE_DIGEST}{digest}{AFTER_DIGEST}{metadata}}}")
 }

@@ -1,7 +1,7 @@
 //! OpenEXR files: every layer of a picture.
 
-use std::borrow::Borrow;
-use std::io;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::iter;
 use std::ops::Range;
 use std::path::Path;
@@ -32,6 +32,49 @@ const BLOCKS_AT_ONCE: usize = 32;
 /// About so many bytes are compressed at once, or one block: bounds the memory.
 const BYTES_AT_ONCE: usize = 1 << 28;
 
+/// Some rows of a picture as they lie in a file: their blocks, packed.
+#[derive(Debug)]
+pub struct PackedRows {
+    window: Window,
+    metadata: String,
+    /// In the order of the file.
+    names: Vec<String>,
+    blocks: Vec<Vec<u8>>,
+}
+
+impl PackedRows {
+    /// Packs a picture, or whole rows of one, for the file at `path`.
+    ///
+    /// # Errors
+    /// When a value is NaN or infinite: the error names the file.
+    pub fn new(path: &Path, picture: &Picture) -> Result<Self, Error> {
+        let window = picture.window();
+        for (channel, values) in picture.channels() {
+            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+                return Err(Error::NotFinite {
+                    path: path.into(),
+                    channel: channel.into(),
+                    pixel: window.in_whole(window.size.pixel(index)),
+                    value: values[index],
+                });
+            }
+        }
+        // The format asks for channels sorted by name.
+        let mut channels: Vec<_> = picture.channels().collect();
+        channels.sort_by_key(|(name, _)| *name);
+        let width = window.size.width as usize;
+        let rows: Vec<Range<usize>> = zip::blocks(window.size.height as usize).collect();
+        let pack = |rows: &Range<usize>| {
+            let pixels = rows.start * width..rows.end * width;
+            let channels: Vec<_> = channels.iter().map(|(_, v)| &v[pixels.clone()]).collect();
+            zip::pack(&channels, width)
+        };
+        let names = channels.iter().map(|&(name, _)| name.to_owned()).collect();
+        let blocks = rows.par_iter().map(pack).collect();
+        Ok(Self { window, metadata: picture.metadata().into(), names, blocks })
+    }
+}
+
 /// Writes `picture` as one part of 32-bit float channels, in ZIP blocks of 16 scan lines. Returns the number of bytes.
 ///
 /// The channels are sorted by name, as the format asks. The same picture gives the same bytes. The metadata goes into
@@ -41,92 +84,53 @@ const BYTES_AT_ONCE: usize = 1 << 28;
 /// # Errors
 /// When a value is NaN or infinite, when there are no pixels, or when the file cannot be written.
 pub fn write_exr(path: &Path, existing: Existing, picture: &Picture) -> Result<u64, Error> {
-    write_exr_bands(path, existing, picture.window(), iter::once(Ok(picture)))
+    write_packed_exr(path, existing, picture.window(), iter::once(PackedRows::new(path, picture)))
 }
 
 /// Writes what comes in bands of whole rows, from top to bottom, and together fills `window`: the bytes that [`write_exr`]
-/// writes of it in one piece. The file is begun when the first band is there. One band is in memory at a time; of a part of a
-/// picture, whose digest comes first, all that is packed as well.
+/// writes of it in one piece. The file is begun when the first band is there. One band is in memory at a time.
 ///
 /// # Errors
 /// As [`write_exr`], and the first that a band comes with.
 ///
 /// # Panics
-/// When a band isn't the one that follows, begins within a block of 16 rows, or has other channels than the first.
-pub fn write_exr_bands<P: Borrow<Picture>, E: From<Error>>(
+/// When a band isn't the one that follows, begins within a block of [`BLOCK_ROWS`](crate::BLOCK_ROWS), or has other channels
+/// than the first.
+pub fn write_packed_exr<E: From<Error>>(
     path: &Path,
     existing: Existing,
     window: Window,
-    bands: impl IntoIterator<Item = Result<P, E>>,
+    bands: impl IntoIterator<Item = Result<PackedRows, E>>,
 ) -> Result<u64, E> {
     if window.size.n_pixels() == 0 {
         return Err(Error::NoPixels { path: path.into() }.into());
     }
     let [left, right, top, bottom] = window.bounds();
     let mut y = top;
-    let mut packed = bands.into_iter().map(|band: Result<P, E>| {
-        let band = band?;
-        let picture = band.borrow();
-        let bounds = picture.window().bounds();
+    let mut bands = bands.into_iter().inspect(|band| {
+        let Ok(band) = band else { return };
+        let bounds = band.window.bounds();
         let follows =
             bounds[..3] == [left, right, y] && (y - top).is_multiple_of(zip::LINES as u32);
         assert!(follows && bounds[3] <= bottom, "{bounds:?} follows row {y} of {window:?}");
         y = bounds[3];
-        let names = sorted(picture).into_iter().map(|(name, _)| name.to_owned());
-        let names: Vec<String> = names.collect();
-        Ok((pack(path, picture)?, names, picture.metadata().to_owned()))
     });
-    let first: Option<Result<_, E>> = packed.next();
-    let (first, names, metadata) = first.expect("a window of pixels has a band")?;
+    let first = bands.next().expect("a window of pixels has a band")?;
+    let PackedRows { metadata, names, blocks: first, .. } = first;
     let list = || names.iter().map(String::as_str);
-    let mut bands = iter::once(Ok(first)).chain(packed.map(|band: Result<_, E>| {
-        let (blocks, others, _) = band?;
-        assert_eq!(others, names, "every band has all channels");
-        Ok(blocks)
+    let blocks = iter::once(Ok(first)).chain(bands.map(|band| {
+        let band = band?;
+        assert_eq!(band.names, names, "every band has all channels");
+        Ok(band.blocks)
     }));
-    if window.is_whole() {
-        return write_blocks(path, existing, header(window, &metadata, list()), bands);
-    }
-    // The digest is of the packed blocks, and lies before them.
-    let blocks: Vec<Vec<u8>> = bands.try_fold(Vec::new(), |mut all, band| {
-        all.extend(band?);
-        Ok::<_, E>(all)
-    })?;
-    let mut digest = PartDigest::new(window, &metadata, list());
-    blocks.iter().for_each(|block| digest.block(block));
-    let header = header(window, &part::seal(digest, &metadata), list());
-    write_blocks(path, existing, header, iter::once(Ok(blocks)))
-}
-
-/// The channels of a picture by name.
-fn sorted(picture: &Picture) -> Vec<(&str, &[f32])> {
-    let mut channels: Vec<_> = picture.channels().collect();
-    channels.sort_by_key(|(name, _)| *name);
-    channels
-}
-
-/// All blocks of a picture, packed.
-fn pack(path: &Path, picture: &Picture) -> Result<Vec<Vec<u8>>, Error> {
-    let Window { size, .. } = picture.window();
-    for (channel, values) in picture.channels() {
-        if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-            return Err(Error::NotFinite {
-                path: path.into(),
-                channel: channel.into(),
-                pixel: picture.window().in_whole(size.pixel(index)),
-                value: values[index],
-            });
+    let (digest, metadata) = match window.is_whole() {
+        true => (None, metadata),
+        false => {
+            let digest = PartDigest::new(window, &metadata, list());
+            (Some(digest), part::seal(part::NO_DIGEST, &metadata))
         }
-    }
-    let channels = sorted(picture);
-    let width = size.width as usize;
-    let blocks: Vec<Range<usize>> = zip::blocks(size.height as usize).collect();
-    let pack = |rows: &Range<usize>| {
-        let pixels = rows.start * width..rows.end * width;
-        let channels: Vec<_> = channels.iter().map(|(_, v)| &v[pixels.clone()]).collect();
-        zip::pack(&channels, width)
     };
-    Ok(blocks.par_iter().map(pack).collect())
+    write_blocks(path, existing, header(window, &metadata, list()), digest, blocks)
 }
 
 /// The blocks of a picture, by the rows that they hold, as many at a time as should be packed at once.
@@ -138,7 +142,8 @@ pub(crate) fn blocks_at_once(header: &Header) -> Vec<Vec<Range<usize>>> {
     blocks.chunks(n).map(<[_]>::to_vec).collect()
 }
 
-/// Writes a picture whose packed blocks come in order, some at a time.
+/// Writes a picture whose packed blocks come in order, some at a time. Of a part, the blocks are added to the digest so far,
+/// which then takes the place that the header has for it.
 ///
 /// # Panics
 /// When not all blocks come.
@@ -146,13 +151,14 @@ pub(crate) fn write_blocks<E: From<Error>>(
     path: &Path,
     existing: Existing,
     header: Header,
+    mut digest: Option<PartDigest>,
     blocks: impl Iterator<Item = Result<Vec<Vec<u8>>, E>>,
 ) -> Result<u64, E> {
     let top = header.own_attributes.layer_position.y();
     let n_blocks = zip::blocks(header.layer_size.height()).count();
     let mut failure = None;
     let written = atomic_file::write(path, existing, |out| {
-        exr::block::write(out, [header].into_iter().collect(), true, |_, writer| {
+        exr::block::write(&mut *out, [header].into_iter().collect(), true, |_, writer| {
             let mut n = 0;
             for some in blocks {
                 let some = some.map_err(|error| {
@@ -160,6 +166,7 @@ pub(crate) fn write_blocks<E: From<Error>>(
                     exr::error::Error::Io(io::Error::other("there is no more of the picture"))
                 })?;
                 for bytes in some {
+                    digest.iter_mut().for_each(|digest| digest.block(&bytes));
                     let block = CompressedScanLineBlock {
                         y_coordinate: top + (n * zip::LINES) as i32,
                         compressed_pixels_le: bytes,
@@ -175,12 +182,33 @@ pub(crate) fn write_blocks<E: From<Error>>(
             assert_eq!(n, n_blocks, "all rows of the picture");
             Ok(())
         })
-        .map_err(io_error)
+        .map_err(io_error)?;
+        digest.map_or(Ok(()), |digest| seal(out, &digest))
     });
     match failure {
         Some(error) => Err(error),
         None => written.map_err(|error| Error::from(error).into()),
     }
+}
+
+/// Puts the digest of a part into its place in the header.
+fn seal(out: &mut BufWriter<File>, digest: &PartDigest) -> io::Result<()> {
+    const AT_ONCE: u64 = 1 << 16;
+    out.flush()?;
+    let file = out.get_mut();
+    file.rewind()?;
+    let (before, mut head) = (part::BEFORE_DIGEST.as_bytes(), Vec::new());
+    let place = loop {
+        let n = Read::by_ref(file).take(AT_ONCE).read_to_end(&mut head)?;
+        match head.windows(before.len()).position(|bytes| bytes == before) {
+            Some(place) => break place + before.len(),
+            None if n == 0 => return Err(io::Error::other("its header has no digest")),
+            None => {}
+        }
+    };
+    file.seek(SeekFrom::Start(place as u64))?;
+    file.write_all(digest.to_string().as_bytes())?;
+    file.seek(SeekFrom::End(0)).map(drop)
 }
 
 /// The header of a picture with these channels, in order.

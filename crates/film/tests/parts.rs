@@ -7,8 +7,8 @@ use std::path::Path;
 
 use base::{Grid, ImageSize, Rng, Stream, Window};
 use film::{
-    Error, Existing, Part, Picture, assemble_exr, assemble_rgb, read_exr, write_exr,
-    write_exr_bands,
+    Error, Existing, PackedRows, Part, Picture, assemble_exr, assemble_rgb, read_exr, write_exr,
+    write_packed_exr,
 };
 
 const SIZE: ImageSize = ImageSize { width: 83, height: 71 };
@@ -80,13 +80,13 @@ fn bands_make_the_bytes_of_the_whole() {
         let whole = fs::read(at("whole.exr")).unwrap();
         let [left, right, top, bottom] = window.bounds();
         for n_rows in [16, 48, 80] {
+            let path = at("bands.exr");
             let band = |y: u32| {
                 let bounds = [left, right, y, bottom.min(y + n_rows)];
-                Ok::<_, Error>(picture(Window::new(bounds, SIZE).unwrap(), "{}"))
+                PackedRows::new(&path, &picture(Window::new(bounds, SIZE).unwrap(), "{}"))
             };
             let bands = (top..bottom).step_by(n_rows as usize).map(band);
-            let path = at("bands.exr");
-            let written = write_exr_bands(&path, Existing::Replace, window, bands).unwrap();
+            let written = write_packed_exr(&path, Existing::Replace, window, bands).unwrap();
             assert_eq!(written, whole.len() as u64);
             assert!(fs::read(&path).unwrap() == whole, "{n_rows} rows of {window:?}");
         }
@@ -103,11 +103,11 @@ fn a_band_that_fails_leaves_nothing() {
             let mut band = picture(Window::new([0, 83, i * 16, i * 16 + 16], SIZE).unwrap(), "{}");
             let value = if i < n_good { 0.0 } else { f32::NAN };
             band.push("late", vec![value; 83 * 16]);
-            Ok::<_, Error>(band)
+            PackedRows::new(&path, &band)
         };
         let bands = (0..4).map(band);
         let whole = Window::whole(SIZE);
-        let error = write_exr_bands(&path, Existing::Refuse, whole, bands).unwrap_err();
+        let error = write_packed_exr(&path, Existing::Refuse, whole, bands).unwrap_err();
         let pixel = format!("late is NaN at pixel (0, {})", 16 * n_good);
         assert!(error.to_string().contains(&pixel), "{error}");
         assert!(fs::read_dir(folder.path()).unwrap().next().is_none());

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use base::Inventory;
 use bytemuck::Pod;
@@ -21,9 +21,9 @@ pub struct MapFile {
     header: Header,
     digest: u64,
     bytes: Arc<Bytes>,
-    sections: Vec<(Entry, Range<usize>)>,
-    /// Whether sections were verified when the map was opened, rather than when they are asked for.
-    is_verified: bool,
+    sections: Vec<Placed>,
+    /// Of each section, whether it was verified: when the map was opened, or when it was asked for.
+    verified: Vec<OnceLock<()>>,
 }
 
 impl MapFile {
@@ -39,13 +39,12 @@ impl MapFile {
         kind: &str,
         version: u32,
     ) -> Result<(Self, M), Error> {
-        let (mut map, metadata) = Self::open_in_part(path, kind, version)?;
-        map.sections.iter().try_for_each(|section| map.verify(section))?;
-        map.is_verified = true;
+        let (map, metadata) = Self::open_in_part(path, kind, version)?;
+        (0..map.sections.len()).try_for_each(|section| map.verify(section))?;
         Ok((map, metadata))
     }
 
-    /// As [`open`](Self::open), but a section is verified when it is asked for, every time: for who needs a few of many.
+    /// As [`open`](Self::open), but a section is verified when it is first asked for: for who needs a few of many.
     ///
     /// # Errors
     /// Those of [`open`](Self::open), but for what is wrong with sections.
@@ -77,7 +76,8 @@ impl MapFile {
         match read_directory(&bytes, block) {
             Ok((sections, metadata)) => {
                 let (path, bytes, digest) = (path.into(), Arc::new(bytes), block.xxh3);
-                Ok((Self { path, header, digest, bytes, sections, is_verified: false }, metadata))
+                let verified = sections.iter().map(|_| OnceLock::new()).collect();
+                Ok((Self { path, header, digest, bytes, sections, verified }, metadata))
             }
             Err((offset, what)) => Err(Error::Corrupt {
                 path: path.into(),
@@ -88,8 +88,11 @@ impl MapFile {
         }
     }
 
-    fn verify(&self, (entry, range): &Placed) -> Result<(), Error> {
-        if xxh3_64(&self.bytes[range.clone()]) == entry.xxh3 {
+    /// Holds a section, by number, against its digest, unless that was done.
+    fn verify(&self, section: usize) -> Result<(), Error> {
+        let ((entry, range), verified) = (&self.sections[section], &self.verified[section]);
+        if verified.get().is_some() || xxh3_64(&self.bytes[range.clone()]) == entry.xxh3 {
+            verified.get_or_init(|| ());
             return Ok(());
         }
         Err(Error::Corrupt {
@@ -129,12 +132,9 @@ impl MapFile {
     /// When there is no such section, its elements are not of the size of `T`, or it isn't as it was written.
     pub fn array<T: Pod>(&self, name: &str) -> Result<Array<T>, Error> {
         const { assert!(size_of::<T>() > 0 && align_of::<T>() <= ALIGNMENT) };
-        let section = self
-            .sections
-            .iter()
-            .find(|(entry, _)| entry.name == name)
+        let section = (self.sections.iter().position(|(entry, _)| entry.name == name))
             .ok_or_else(|| self.corrupt(format!("it has no section `{name}`")))?;
-        let (entry, range) = section;
+        let (entry, range) = &self.sections[section];
         let other_size = || {
             let (found, expected) = (entry.element_bytes, size_of::<T>());
             self.corrupt(format!("elements of `{name}` have {found} bytes instead of {expected}"))
@@ -142,9 +142,7 @@ impl MapFile {
         if entry.element_bytes != size_of::<T>() as u64 {
             return Err(other_size());
         }
-        if !self.is_verified {
-            self.verify(section)?;
-        }
+        self.verify(section)?;
         Array::in_file(&self.bytes, range.clone()).ok_or_else(other_size)
     }
 

@@ -170,10 +170,13 @@ impl<'a> Frame<'a> {
 
     /// Radiance that the first surface of a pixel emits towards the eye, or that comes from beyond the scene.
     pub(crate) fn emitted(&self, pixel: Pixel) -> Rgb {
-        self.point(pixel).map_or_else(
-            || self.shader.background(eye_ray(self.shader, self.window, pixel).dir()),
-            |point| point.emitted,
-        )
+        let scene = self.shader.scene;
+        let to_surface = || eye_ray(self.shader, self.window, pixel).dir();
+        match self.surface(self.size().index(pixel)) {
+            Some(surface) if scene.material(&surface).emission.is_black() => Rgb::BLACK,
+            Some(surface) => scene.emitted(&surface, -to_surface()),
+            None => self.shader.background(to_surface()),
+        }
     }
 
     /// Where the eye ray of a pixel starts.

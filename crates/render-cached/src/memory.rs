@@ -26,32 +26,33 @@ const SHADING: u64 = 32;
 const PAPER: u64 = 205;
 
 /// What mode adaptive takes at most, and of each light whose visibility is cached.
-const ADAPTIVE: u64 = 225;
+const ADAPTIVE: u64 = 235;
 const CACHED_LIGHT: u64 = 20;
 
-/// A band while its layers are made and packed: of a pixel, in mode adaptive, where there is no file for them, and of a
-/// subpixel where there are several.
-const LAYERS: u64 = 280;
-const LEVELS: u64 = 24;
-const PLAIN: u64 = 84;
-const FILTERED: u64 = 24;
+/// A block of a picture while its layers are made and packed, one for each thread: of a pixel, and of a subpixel where there
+/// are several.
+const LAYERS: u64 = 400;
+const FILTERED: u64 = 60;
 
-/// What is kept of a pixel until the end: for a PNG, and of a part, whose digest comes first in its file.
-const SHOWN: u64 = 24;
+/// What is kept of a pixel of a band until it is written: its packed layers.
 const PACKED: u64 = 64;
+
+/// What is kept of a pixel until the end, for a PNG.
+const SHOWN: u64 = 36;
 
 /// What a picture takes from now on: neither the scene nor what computes it counts.
 pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
     let subpixels = |extent: &Extent| extent.frame.size.n_pixels() as u64;
     let pixels = |extent: &Extent| extent.part.size.n_pixels() as u64;
     let has = |ending: &str| args.output.iter().any(|path| ends_in(path, ending));
-    let of_pixel = match (has("exr"), args.mode) {
-        (false, _) => PLAIN,
-        (true, Mode::Adaptive) => LAYERS + LEVELS,
-        (true, Mode::Original | Mode::Paper) => LAYERS,
-    };
+    let threads = rayon::current_num_threads() as u64;
     let layers = |band: &Extent| {
-        of_pixel * pixels(band) + if args.supersample > 1 { FILTERED * subpixels(band) } else { 0 }
+        let packed = if has("exr") { PACKED * pixels(band) } else { 0 };
+        let of_block = |block: Extent| {
+            let filtered = if args.supersample > 1 { FILTERED } else { 0 };
+            LAYERS * pixels(&block) + filtered * subpixels(&block)
+        };
+        packed + threads * band.blocks(args).next().map_or(0, of_block)
     };
     let bands = || extent.bands(args);
     let history = if args.mode == Mode::Adaptive && args.error > 0.0 { HISTORY } else { 0 };
@@ -72,8 +73,7 @@ pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
             bands().map(of_band).max().unwrap_or(0)
         }
     };
-    let kept =
-        if has("png") { SHOWN } else { 0 } + if args.is_part() && has("exr") { PACKED } else { 0 };
+    let kept = if has("png") { SHOWN } else { 0 };
     Need { own: at_work + kept * pixels(extent), mapped: 0 }
 }
 

@@ -1,5 +1,6 @@
 //! Layers, and the files they go to.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io;
 use std::path::Path;
@@ -7,7 +8,7 @@ use std::path::Path;
 use base::{Component, Components, Grid, ImageSize, Inventory, Pixel, Rgb, Window};
 use cache_map::Origin;
 use cli::Interrupt;
-use film::{Filter, Format, Picture};
+use film::{Filter, Format, PackedRows, Picture};
 use geometry::Surface;
 use rayon::prelude::*;
 use serde_json::json;
@@ -104,55 +105,102 @@ fn command_line(args: &Args, from_cache: Option<&Path>, save_cache: Option<&Path
     cli::command_line(words.into_iter().map(Into::into))
 }
 
-/// Some rows of a picture, as they go to files.
+/// A block of rows of a picture, as it goes to files.
 #[derive(Debug)]
-pub(crate) struct Band {
-    whole: Grid<Rgb>,
-    /// Nothing where no file takes them.
-    layers: Option<Picture>,
+pub(crate) struct Block {
+    /// Nothing where no file takes the picture alone.
+    shown: Option<Grid<Rgb>>,
+    /// Nothing where no file takes layers.
+    layers: Option<PackedRows>,
 }
 
-impl Band {
-    /// What `extent` shows of what was rendered of its frame.
-    pub(crate) fn new(
-        args: &Args,
-        extent: &Extent,
-        frame: &Frame<'_>,
-        rendered: &Rendered,
-        inputs: &Inventory,
-    ) -> anyhow::Result<Self> {
+/// The blocks of what `extent` shows of what was rendered of its frame, from top to bottom.
+///
+/// Each is made and packed on its own, by one thread: few enough pixels to stay in its cache.
+///
+/// # Errors
+/// When a value isn't finite.
+pub(crate) fn blocks(
+    args: &Args,
+    extent: &Extent,
+    frame: &Frame<'_>,
+    rendered: &Rendered,
+    inputs: &Inventory,
+) -> anyhow::Result<Vec<Block>> {
+    let metadata = json!({
+        "command": command(args),
+        "version": env!("CARGO_PKG_VERSION"),
+        "seed": args.seed,
+        "inputs": inputs.fingerprint().to_string(),
+        "error": rendered.adaptive.as_ref().map(|a| a.error),
+    });
+    let metadata = metadata.to_string();
+    let file = files(args, Format::Exr)?.next();
+    let is_shown = files(args, Format::Png)?.next().is_some();
+    let blocks: Vec<Extent> = extent.blocks(args).map(|block| block.in_frame_of(extent)).collect();
+    let block = |extent: &Extent| {
         let n = args.supersample;
-        let shown = extent.filtered.subdivided(n);
-        let to_pixels = |subpixels: Grid<Rgb>| match (n, filter(args)) {
-            (1, Filter::Box) => subpixels,
-            (n, filter) => {
-                film::reconstruct(&subpixels, n, filter).cut(extent.filtered, extent.part)
-            }
-        };
-        let emission =
-            Grid::from_fn(shown.size, |p| frame.emitted(extent.in_frame(shown.in_whole(p))));
-        let emission = to_pixels(emission);
+        let subpixels = extent.filtered.subdivided(n);
+        let emitted = |p| frame.emitted(extent.in_frame(subpixels.in_whole(p)));
+        let emission = to_pixels(args, extent, Cow::Owned(Grid::from_fn(subpixels.size, emitted)));
         let components = Components::from_fn(|component| {
-            to_pixels(rendered.values[component].cut(extent.frame, shown))
+            let values = &rendered.values[component];
+            let shown = match extent.frame == subpixels {
+                true => Cow::Borrowed(values),
+                false => Cow::Owned(values.cut(extent.frame, subpixels)),
+            };
+            to_pixels(args, extent, shown)
         });
-        let whole = Grid::from_fn(emission.size(), |p| {
+        // The picture is the sum of emission, direct, indirect, specular and caustics, in that order.
+        let shown = Grid::from_fn(emission.size(), |p| {
             Component::ALL
                 .into_iter()
                 .fold(emission[p], |sum, component| sum + components[component][p])
         });
-        let is_layered = files(args, Format::Exr)?.next().is_some();
-        let layers = is_layered
-            .then(|| layers(args, extent, frame, rendered, inputs, &emission, &components, &whole));
-        Ok(Self { whole, layers })
+        let pack = |file| {
+            let mut picture = Picture::part(extent.part, metadata.clone());
+            picture.push_rgb("", &shown);
+            let Components { direct, indirect, specular, caustic } = components;
+            for (component, values) in
+                Component::ALL.into_iter().zip([direct, indirect, specular, caustic])
+            {
+                // Freed, so that other channels find memory that caches still hold.
+                picture.push_rgb(layer(component), { values }.as_ref());
+            }
+            picture.push_rgb("emission", { emission }.as_ref());
+            push_surfaces(&mut picture, args, extent, frame);
+            for component in Component::ALL {
+                push_history(&mut picture, args, extent, rendered, component);
+            }
+            PackedRows::new(file, &picture)
+        };
+        let layers = file.map(pack).transpose()?;
+        Ok(Block { shown: is_shown.then_some(shown), layers })
+    };
+    blocks.par_iter().map(block).collect()
+}
+
+/// The pixels of a part of a picture, from its subpixels and those that filters look at around it.
+fn to_pixels<'a>(
+    args: &Args,
+    extent: &Extent,
+    subpixels: Cow<'a, Grid<Rgb>>,
+) -> Cow<'a, Grid<Rgb>> {
+    match (args.supersample, filter(args)) {
+        (1, Filter::Box) => subpixels,
+        (n, filter) => {
+            let pixels = film::reconstruct(&subpixels, n, filter);
+            Cow::Owned(pixels.cut(extent.filtered, extent.part))
+        }
     }
 }
 
-/// Writes the picture, or the part of it that is asked for, to all outputs. Its bands come from top to bottom; no file is begun
-/// before the first is there.
+/// Writes the picture, or the part of it that is asked for, to all outputs. Its blocks come from top to bottom; no file is
+/// begun before the first is there.
 pub(crate) fn write(
     args: &Args,
     part: Window,
-    bands: impl Iterator<Item = anyhow::Result<Band>>,
+    blocks: impl Iterator<Item = anyhow::Result<Block>>,
     interrupt: &Interrupt,
 ) -> anyhow::Result<()> {
     if args.output.is_empty() {
@@ -160,27 +208,26 @@ pub(crate) fn write(
     }
     let existing = args.common.existing();
     let mut pngs = files(args, Format::Png)?.peekable();
-    let (is_shown, mut shown) = (pngs.peek().is_some(), Vec::new());
-    let mut layers = bands.map(|band| {
-        let Band { whole, layers } = band?;
+    let is_shown = pngs.peek().is_some();
+    let mut shown = Vec::new();
+    let mut layers = blocks.map(|block| {
+        let block = block?;
         interrupt.check()?;
-        if is_shown {
-            shown.extend_from_slice(whole.values());
-        }
-        Ok(layers)
+        shown.extend(block.shown.iter().flat_map(Grid::values));
+        Ok(block.layers)
     });
     let mut exrs = files(args, Format::Exr)?;
     match exrs.next() {
         Some(path) => {
             let layers = layers.by_ref().filter_map(Result::transpose);
-            film::write_exr_bands::<Picture, anyhow::Error>(path, existing, part, layers)?;
+            film::write_packed_exr::<anyhow::Error>(path, existing, part, layers)?;
             for other in exrs {
                 atomic_file::write(other, existing, |out| {
                     io::copy(&mut File::open(path)?, out).map(drop)
                 })?;
             }
         }
-        None => layers.by_ref().try_for_each(|band: anyhow::Result<_>| band.map(drop))?,
+        None => layers.by_ref().try_for_each(|block: anyhow::Result<_>| block.map(drop))?,
     }
     drop(layers);
     let shown = is_shown.then(|| Grid::from_values(part.size, shown));
@@ -198,50 +245,9 @@ fn files(args: &Args, format: Format) -> anyhow::Result<impl Iterator<Item = &Pa
     Ok(outputs.filter(move |(_, f)| *f == format).map(|(path, _)| path.as_path()))
 }
 
-/// All layers. The picture itself is the sum emission + direct + indirect + specular + caustics, in that order.
-///
-/// The layers tell of the picture, not of the run: in mode paper, what was loaded from a cache map had been computed at its
-/// pixel, so its `traced` is 1. In mode adaptive it may have been computed elsewhere: its `traced` is 0, and its `reason`
-/// says so. What this run has computed is told by `--stats`: it depends on how the picture was split.
-#[expect(clippy::too_many_arguments, reason = "all that is known of the picture, each once")]
-fn layers(
-    args: &Args,
-    extent: &Extent,
-    frame: &Frame<'_>,
-    rendered: &Rendered,
-    inputs: &Inventory,
-    emission: &Grid<Rgb>,
-    components: &Components<Grid<Rgb>>,
-    whole: &Grid<Rgb>,
-) -> Picture {
-    let metadata = json!({
-        "command": command(args),
-        "version": env!("CARGO_PKG_VERSION"),
-        "seed": args.seed,
-        "inputs": inputs.fingerprint().to_string(),
-        "error": rendered.adaptive.as_ref().map(|a| a.error),
-    });
-    let mut picture = Picture::part(extent.part, metadata.to_string());
-    picture.push_rgb("", whole);
-    for component in Component::ALL {
-        picture.push_rgb(layer(component), &components[component]);
-    }
-    picture.push_rgb("emission", emission);
-    let subpixels = |pixel| extent.subpixels(pixel, args.supersample);
-    push_surfaces(&mut picture, frame, &subpixels);
-    for component in Component::ALL {
-        push_history(&mut picture, component, rendered, args.supersample, &subpixels);
-    }
-    picture
-}
-
 /// What the eye sees first: position, normals on the side of the eye, albedo, depth; the mean of the subpixels that show
 /// a surface. All 0 where none does.
-fn push_surfaces<I: Iterator<Item = Pixel>>(
-    picture: &mut Picture,
-    frame: &Frame<'_>,
-    subpixels: &(impl Fn(Pixel) -> I + Sync),
-) {
+fn push_surfaces(picture: &mut Picture, args: &Args, extent: &Extent, frame: &Frame<'_>) {
     const NAMES: [&str; 13] = [
         "P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "Ns.X", "Ns.Y", "Ns.Z", "Albedo.R", "Albedo.G",
         "Albedo.B", "Z",
@@ -254,42 +260,45 @@ fn push_surfaces<I: Iterator<Item = Pixel>>(
         let depth = camera.depth(p);
         Some([p.x, p.y, p.z, n.x, n.y, n.z, ns.x, ns.y, ns.z, a.r, a.g, a.b, depth])
     };
-    let pixels: Vec<[f32; 13]> = (0..size.n_pixels())
-        .into_par_iter()
-        .map(|i| {
-            let (mut sum, mut count) = ([0.0_f32; 13], 0.0_f32);
-            for values in subpixels(size.pixel(i)).filter_map(of_subpixel) {
-                sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
-                count += 1.0;
-            }
-            sum.map(|v| v / count.max(1.0))
-        })
-        .collect();
-    for (channel, name) in NAMES.into_iter().enumerate() {
-        picture.push(name, pixels.iter().map(|pixel| pixel[channel]).collect());
+    let mut channels = NAMES.map(|_| Vec::with_capacity(size.n_pixels()));
+    size.pixels().for_each(|pixel| {
+        let (mut sum, mut count) = ([0.0_f32; 13], 0.0_f32);
+        for values in extent.subpixels(pixel, args.supersample).filter_map(of_subpixel) {
+            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            count += 1.0;
+        }
+        let means = sum.map(|v| v / count.max(1.0));
+        channels.iter_mut().zip(means).for_each(|(channel, mean)| channel.push(mean));
+    });
+    for (name, values) in NAMES.into_iter().zip(channels) {
+        picture.push(name, values);
     }
 }
 
 /// Whether, and why, a component was computed at each pixel: the share of its subpixels, and of reasons and levels the
 /// greatest number.
-fn push_history<I: Iterator<Item = Pixel>>(
+///
+/// These layers tell of the picture, not of the run: in mode paper, what was loaded from a cache map had been computed at its
+/// pixel, so its `traced` is 1. In mode adaptive it may have been computed elsewhere: its `traced` is 0, and its `reason`
+/// says so. What this run has computed is told by `--stats`: it depends on how the picture was split.
+fn push_history(
     picture: &mut Picture,
-    component: Component,
+    args: &Args,
+    extent: &Extent,
     rendered: &Rendered,
-    n: u32,
-    subpixels: &impl Fn(Pixel) -> I,
+    component: Component,
 ) {
-    let name = layer(component);
+    let (name, n) = (layer(component), args.supersample);
     let origins = &rendered.origins[component];
     let (size, fine) = (picture.size(), origins.size());
     let computed = |o: &Origin| matches!(o, Origin::Sampled | Origin::Traced);
-    let over = |start: f32, f: &dyn Fn(f32, Pixel) -> f32| -> Vec<f32> {
-        (0..size.n_pixels()).map(|i| subpixels(size.pixel(i)).fold(start, f)).collect()
-    };
+    let of_subpixels = |pixel| extent.subpixels(pixel, n);
     let share = 1.0 / (n * n) as f32;
     picture.push(
         format!("traced.{name}"),
-        over(0.0, &|sum, p| sum + share * f32::from(u8::from(computed(&origins[p])))),
+        folded(size, of_subpixels, |sum, p| {
+            sum + share * f32::from(u8::from(computed(&origins[p])))
+        }),
     );
     let reason = format!("reason.{name}");
     match &rendered.adaptive {
@@ -301,16 +310,31 @@ fn push_history<I: Iterator<Item = Pixel>>(
                     Origin::Traced => 2.0,
                 }
             };
-            picture.push(reason, over(0.0, &|most, p| number(&origins[p]).max(most)));
+            picture
+                .push(reason, folded(size, of_subpixels, |most, p| number(&origins[p]).max(most)));
         }
         Some(history) => {
             let (reasons, levels) = (&history.reasons[component], &history.levels[component]);
             let number = |p: Pixel| f32::from(reasons[fine.index(p)] as u8);
-            picture.push(reason, over(0.0, &|most, p| number(p).max(most)));
+            picture.push(reason, folded(size, of_subpixels, |most, p| number(p).max(most)));
             let level = |p: Pixel| f32::from(levels[fine.index(p)]);
-            picture.push(format!("level.{name}"), over(0.0, &|most, p| level(p).max(most)));
+            picture.push(
+                format!("level.{name}"),
+                folded(size, of_subpixels, |most, p| level(p).max(most)),
+            );
         }
     }
+}
+
+/// `f` folded over the subpixels of each pixel.
+fn folded<I: Iterator<Item = Pixel>>(
+    size: ImageSize,
+    subpixels: impl Fn(Pixel) -> I,
+    f: impl Fn(f32, Pixel) -> f32,
+) -> Vec<f32> {
+    let mut values = Vec::with_capacity(size.n_pixels());
+    size.pixels().for_each(|pixel| values.push(subpixels(pixel).fold(0.0, &f)));
+    values
 }
 
 /// How pixels are made of subpixels.

@@ -11,6 +11,7 @@ use cli::{Clock, Console, Interrupt, Need, Seconds, WrongUsage};
 use film::Format;
 use mapfile::MapFile;
 use photon_map::{Gather, PhotonMaps};
+use rayon::prelude::*;
 use scene::Scene;
 use shade::{Counts, GatherPhotons, Settings, Shader};
 
@@ -222,7 +223,6 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
         args,
         shader: &shader,
         photons: &photons_file,
-        finished: finished.as_ref(),
         of_surfaces: &of_surfaces,
         inputs: &inputs,
         console: &console,
@@ -242,16 +242,21 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let bands = iter::from_fn(|| {
         let band = bands.next()?;
         tally.write += clock.lap();
-        Some(match &whole {
-            Some((frame, rendered)) => {
-                output::Band::new(args, &band.in_frame_of(&extent), frame, rendered, &inputs)
+        Some(match (&whole, &finished) {
+            (Some((frame, rendered)), _) => {
+                output::blocks(args, &band.in_frame_of(&extent), frame, rendered, &inputs)
             }
-            None => job
+            (None, Some(finished)) => job.look_up(finished, &band, &mut tally),
+            (None, None) => job
                 .render(&band, bands.len() == 0, &mut clock, &mut tally)
-                .and_then(|(f, rendered)| output::Band::new(args, &band, &f, &rendered, &inputs)),
+                .and_then(|(f, rendered)| output::blocks(args, &band, &f, &rendered, &inputs)),
         })
     });
-    output::write(args, extent.part, bands, interrupt)?;
+    let blocks = bands.flat_map(|blocks| match blocks {
+        Ok(blocks) => blocks.into_iter().map(Ok).collect(),
+        Err(error) => vec![Err(error)],
+    });
+    output::write(args, extent.part, blocks, interrupt)?;
     progress.resume.done();
     tally.write += clock.lap();
 
@@ -281,8 +286,6 @@ struct Job<'x, 'a> {
     args: &'x Args,
     shader: &'a Shader<'a>,
     photons: &'x MapFile,
-    /// The whole picture, of which only parts are shown.
-    finished: Option<&'x Finished>,
     of_surfaces: &'x Inventory,
     inputs: &'x Inventory,
     console: &'x Console,
@@ -298,18 +301,15 @@ impl<'a> Job<'_, 'a> {
         clock: &mut Clock,
         tally: &mut Tally,
     ) -> anyhow::Result<(Frame<'a>, Rendered)> {
-        let &Self { args, shader, finished, of_surfaces, inputs, progress, .. } = self;
+        let &Self { args, shader, of_surfaces, inputs, progress, .. } = self;
         let n_rays = extent.frame.size.n_pixels();
-        let (frame, eye_counts) = progress.run("eye rays", n_rays, |watch| match finished {
-            Some(finished) => finished.frame(shader, extent.frame, watch),
-            None => Ok(Frame::trace(shader, extent.frame, watch)?),
-        })?;
+        let (frame, eye_counts) =
+            progress.run("eye rays", n_rays, |watch| Frame::trace(shader, extent.frame, watch))?;
         tally.primary += clock.lap();
         let mut rendered = match args.mode {
-            Mode::Adaptive if args.error > 0.0 => match finished {
-                Some(finished) => finished.render(&frame)?,
-                None => adaptive::render(args, &frame, of_surfaces, clock, progress)?,
-            },
+            Mode::Adaptive if args.error > 0.0 => {
+                adaptive::render(args, &frame, of_surfaces, clock, progress)?
+            }
             Mode::Original | Mode::Adaptive => original::render(&frame, clock, progress)?,
             Mode::Paper => {
                 let thresholds = paper::thresholds(args, shader.scene.bounds().diagonal());
@@ -317,7 +317,7 @@ impl<'a> Job<'_, 'a> {
             }
         };
         rendered.counts += eye_counts;
-        tally.add(&rendered);
+        tally.add(Tally::of(&rendered));
         let n = tally.counts.chains_cut;
         if is_last && n > 0 {
             self.console.warn(format_args!(
@@ -327,6 +327,33 @@ impl<'a> Job<'_, 'a> {
         health::check(&rendered.values, extent.frame, args.supersample)?;
         self.photons.check_untouched()?;
         Ok((frame, rendered))
+    }
+
+    /// The blocks of a band of a picture that is finished, each looked up and packed by one thread.
+    fn look_up(
+        &self,
+        finished: &Finished,
+        band: &Extent,
+        tally: &mut Tally,
+    ) -> anyhow::Result<Vec<output::Block>> {
+        let &Self { args, shader, inputs, progress, .. } = self;
+        let blocks: Vec<Extent> = band.blocks(args).collect();
+        let look_up = |block: &Extent| {
+            let go_on = |_| progress.interrupt.go_on();
+            let (frame, counts) = finished.frame(shader, block.frame, &go_on)?;
+            let mut rendered = finished.render(&frame)?;
+            rendered.counts += counts;
+            health::check(&rendered.values, block.frame, args.supersample)?;
+            let shown = output::blocks(args, block, &frame, &rendered, inputs)?;
+            Ok((shown, Tally::of(&rendered)))
+        };
+        let found: anyhow::Result<Vec<_>> = blocks.par_iter().map(look_up).collect();
+        let mut all = Vec::with_capacity(blocks.len());
+        for (shown, of_block) in found? {
+            all.extend(shown);
+            tally.add(of_block);
+        }
+        Ok(all)
     }
 }
 

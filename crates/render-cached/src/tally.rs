@@ -28,21 +28,40 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Adds a band, or all of a picture.
-    pub(crate) fn add(&mut self, rendered: &Rendered) {
+    /// Of a band, or of all of a picture.
+    pub(crate) fn of(rendered: &Rendered) -> Self {
         // In mode paper what is known may be of no use.
         let is_adaptive = rendered.adaptive.is_some();
-        for component in Component::ALL {
+        let count = |component, wanted| {
             let origins = rendered.origins[component].values();
-            let count = |wanted| origins.iter().filter(|&&o| o == wanted).count() as u64;
-            self.traced[component] += rendered.traced[component];
-            self.interpolated[component] += count(Origin::Interpolated);
-            self.reused[component] += if is_adaptive { count(Origin::Known) } else { 0 };
-            self.seconds[component] += rendered.seconds[component];
+            origins.iter().filter(|&&o| o == wanted).count() as u64
+        };
+        Self {
+            n_subpixels: rendered.origins.direct.size().n_pixels(),
+            traced: rendered.traced,
+            interpolated: Components::from_fn(|c| count(c, Origin::Interpolated)),
+            reused: Components::from_fn(|c| if is_adaptive { count(c, Origin::Known) } else { 0 }),
+            counts: rendered.counts,
+            seconds: rendered.seconds,
+            cache: rendered.cache,
+            error: rendered.adaptive.as_ref().map(|a| a.error),
+            ..Self::default()
         }
-        self.n_subpixels += rendered.origins.direct.size().n_pixels();
-        self.counts += rendered.counts;
-        self.cache += rendered.cache;
-        self.error = rendered.adaptive.as_ref().map(|a| a.error);
+    }
+
+    /// Adds what another band took.
+    pub(crate) fn add(&mut self, other: Self) {
+        for component in Component::ALL {
+            self.traced[component] += other.traced[component];
+            self.interpolated[component] += other.interpolated[component];
+            self.reused[component] += other.reused[component];
+            self.seconds[component] += other.seconds[component];
+        }
+        self.n_subpixels += other.n_subpixels;
+        self.counts += other.counts;
+        self.primary += other.primary;
+        self.cache += other.cache;
+        self.write += other.write;
+        self.error = other.error;
     }
 }

@@ -47,13 +47,27 @@ impl Extent {
     }
 
     /// The part in bands of whole blocks of rows, from top to bottom, each of [`BAND`] subpixels at most, or one block. What
-    /// filters look at beyond a band is in it, too: each can be rendered alone.
+    /// filters look at beyond a band is in it, too: each can be rendered alone. Where layers are there already, each thread looks
+    /// up one block at a time, in the memory of the one before.
     pub(crate) fn bands(&self, args: &Args) -> impl ExactSizeIterator<Item = Self> + use<> {
+        let row = self.part.size.width as usize * (args.supersample * args.supersample) as usize;
+        let n_blocks = match args.paper.from_layers {
+            Some(_) => rayon::current_num_threads(),
+            None => (BAND / (row * film::BLOCK_ROWS)).max(1),
+        };
+        self.split(args, n_blocks)
+    }
+
+    /// The part in blocks, as its file has them.
+    pub(crate) fn blocks(&self, args: &Args) -> impl ExactSizeIterator<Item = Self> + use<> {
+        self.split(args, 1)
+    }
+
+    /// Bands of so many blocks of rows.
+    fn split(&self, args: &Args, n_blocks: usize) -> impl ExactSizeIterator<Item = Self> + use<> {
         let args = args.clone();
         let Window { corner, size, whole } = self.part;
-        let row = size.width as usize * (args.supersample * args.supersample) as usize;
-        let blocks = (BAND / (row * film::BLOCK_ROWS)).max(1);
-        let n_rows = (blocks * film::BLOCK_ROWS).min(size.height as usize);
+        let n_rows = (n_blocks * film::BLOCK_ROWS).min(size.height as usize);
         (0..size.height).step_by(n_rows).map(move |y| {
             let corner = Pixel { y: corner.y + y, ..corner };
             let size = ImageSize { height: (size.height - y).min(n_rows as u32), ..size };
