@@ -1,6 +1,7 @@
 //! Options that all programs have.
 
 use std::path::PathBuf;
+use std::thread;
 
 use anyhow::anyhow;
 use atomic_file::Existing;
@@ -48,7 +49,7 @@ fn parse_definition(text: &str) -> Result<(String, String), String> {
 /// Options that all programs have.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Common {
-    /// Threads to use; 0 takes one for each processor
+    /// Threads to use; 0 takes one for each processor, or as many as are of use
     #[arg(short = 't', long, value_name = "N", default_value_t = 0, env = "TETRALUX_THREADS")]
     pub threads: usize,
     /// Write what was done, and how long it took, as one JSON object
@@ -88,13 +89,23 @@ impl Common {
     /// # Errors
     /// When the system doesn't give that many.
     pub fn thread_pool(&self) -> anyhow::Result<rayon::ThreadPool> {
+        self.thread_pool_for(usize::MAX)
+    }
+
+    /// The threads that `-t` asks for; if it asks for none, one for each core, but no more than are of use.
+    ///
+    /// # Errors
+    /// When the system doesn't give that many.
+    pub fn thread_pool_for(&self, useful: usize) -> anyhow::Result<rayon::ThreadPool> {
+        let has_more = || thread::available_parallelism().is_ok_and(|cores| cores.get() > useful);
+        let threads = if self.threads == 0 && has_more() { useful } else { self.threads };
         rayon::ThreadPoolBuilder::new()
-            .num_threads(self.threads)
+            .num_threads(threads)
             // Building a BVH over triangles in bad places recurses deeply.
             .stack_size(64 << 20)
             .build()
             .map_err(|cause| {
-                anyhow!("cannot start {} threads; ask for fewer with -t: {cause}", self.threads)
+                anyhow!("cannot start {threads} threads; ask for fewer with -t: {cause}")
             })
     }
 }

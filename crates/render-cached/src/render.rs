@@ -26,6 +26,9 @@ use crate::{
     Args, Indirect, Mode, finished, health, memory, original, output, paper, photons, stats,
 };
 
+/// Subpixels that a thread looks up in 50 ms or so. To start it, and the memory that it touches first, costs 5 ms.
+const LOOKED_UP_BY_A_THREAD: usize = 1 << 16;
+
 /// A picture by components, and what it took.
 #[derive(Debug)]
 pub(crate) struct Rendered {
@@ -141,10 +144,15 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
         &inputs.map(paths).collect::<Vec<_>>(),
         args.common.existing(),
     )?;
-    if let Some(resolution) = args.resolution {
-        Extent::new(args, resolution)?;
+    let extent = args.resolution.map(|resolution| Extent::new(args, resolution)).transpose()?;
+    match extent {
+        // To look up a small part takes less than what another thread costs.
+        Some(extent) if args.paper.from_layers.is_some() => {
+            let useful = extent.frame.size.n_pixels().div_ceil(LOOKED_UP_BY_A_THREAD);
+            args.common.thread_pool_for(useful)
+        }
+        _ => args.common.thread_pool(),
     }
-    args.common.thread_pool()
 }
 
 /// Whether all of a picture is looked at, so that no band can be rendered alone.
