@@ -1,9 +1,9 @@
-//! A scene of glTF beside the same scene as `scene.toml`: the same picture, to the bit.
+//! A scene of glTF or Mitsuba beside the same scene as `scene.toml`: the same picture, to the bit.
 
 use std::fs;
 use std::path::Path;
 
-use base::{ImageSize, Rgb};
+use base::{Fingerprint, Grid, ImageSize, Rgb};
 use photon_map::{Gather, Kernel};
 use scene::{Options, Parts, load_parts};
 use serde_json::{Value, json};
@@ -101,18 +101,33 @@ fn a_room_of_gltf_is_the_room_of_toml() {
     fs::write(path("room.gltf"), file.to_string()).unwrap();
     fs::write(path("room.bin"), bin).unwrap();
     fs::write(path("scene.toml"), toml()).unwrap();
+    let [of_gltf, of_toml] = ["room.gltf", "scene.toml"].map(|name| render(&path(name), 4000));
+    assert_eq!(of_gltf.0, of_toml.0, "maps of one are maps of the other");
+    assert_same(&of_gltf.1, &of_toml.1);
+}
+
+#[test]
+fn the_cornell_box_of_mitsuba_is_that_of_toml() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/cornell-box");
+    let [of_xml, of_toml] =
+        ["scene.xml", "scene.toml"].map(|name| render(&folder.join(name), 40_000));
+    assert_same(&of_xml.1, &of_toml.1);
+}
+
+/// A small picture of a scene, and what the scene is known by.
+fn render(path: &Path, photons: u64) -> (Fingerprint, Grid<Rgb>) {
     let size = ImageSize { width: 24, height: 24 };
     let gather = Gather { k: 50, max_radius: 1.0, kernel: Kernel::Epanechnikov };
     let settings =
         Settings { shadow_rays: 4, glossy_rays: 4, indirect: gather, caustic: gather, seed: 3 };
-    let pictures = ["room.gltf", "scene.toml"].map(|name| {
-        let scene = scene::Scene::assemble(read(&path(name)));
-        let maps = renderer::photons(&scene, 4000, 3);
-        let picture = renderer::original(&Shader::new(&scene, &maps, settings), size);
-        (scene.inventory().fingerprint(), picture.total())
-    });
-    let [(of_gltf, picture), (of_toml, expected)] = pictures;
-    assert_eq!(of_gltf, of_toml, "maps of one are maps of the other");
+    let scene = scene::Scene::assemble(read(path));
+    let maps = renderer::photons(&scene, photons, 3);
+    let picture = renderer::original(&Shader::new(&scene, &maps, settings), size);
+    (scene.inventory().fingerprint(), picture.total())
+}
+
+/// The same to the bit, and not black.
+fn assert_same(picture: &Grid<Rgb>, expected: &Grid<Rgb>) {
     assert_eq!(picture.values(), expected.values());
     let mean: Rgb =
         expected.values().iter().copied().sum::<Rgb>() * (1.0 / expected.values().len() as f32);
