@@ -7,7 +7,6 @@ use std::process::ExitCode;
 use base::Interrupted;
 
 use crate::console::one_line;
-use crate::memory::reuse_freed_memory;
 
 /// A command line that parses but makes no sense.
 #[derive(Debug)]
@@ -28,7 +27,6 @@ pub fn run<A: clap::Parser>(
     program: &str,
     work: impl FnOnce(&A) -> anyhow::Result<()>,
 ) -> ExitCode {
-    reuse_freed_memory();
     let result = match A::try_parse() {
         Ok(args) => work(&args),
         Err(error) if error.use_stderr() => {

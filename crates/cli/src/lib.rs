@@ -19,7 +19,7 @@ pub use count::parse_count;
 pub use ending::{WrongUsage, run};
 pub use interrupt::Interrupt;
 pub use journal::{Journal, JournalOptions, settings_of};
-pub use memory::{MemoryOptions, Need, predict_memory};
+pub use memory::{MemoryOptions, Need, predict_memory, reuse_freed_memory};
 pub use options::{Common, SceneOptions, Verbosity};
 pub use outputs::check_outputs;
 pub use stats::write_stats;

@@ -27,7 +27,7 @@ pub struct Need {
 }
 
 /// What a thread takes for its stack and what it allocates beside what is counted.
-const OF_THREAD: u64 = 5 << 20;
+const OF_THREAD: u64 = 3 << 20;
 
 /// The most memory that a run will have held, mapped files included, if it needs so much from now on, in rayon's current
 /// pool. What allocators leave unused between allocations is added.
@@ -67,7 +67,7 @@ pub fn predict_memory(
 ///
 /// The allocator of glibc maps what is larger than a threshold, which it raises to the size of what was mapped and freed, up
 /// to 32 MiB: so that much is mapped and freed at once. No page of it is touched, and other allocators are as they were.
-pub(crate) fn reuse_freed_memory() {
+pub fn reuse_freed_memory() {
     const LARGEST_THRESHOLD: usize = 32 << 20;
     const OF_ALLOCATOR: usize = 64 << 10;
     let mut mapped = Vec::<u8>::new();

@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    cli::reuse_freed_memory();
     cli::run("render-cached", render_cached::run)
 }

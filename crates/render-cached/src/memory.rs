@@ -40,6 +40,9 @@ const PACKED: u64 = 64;
 /// What is kept of a pixel until the end, for a PNG.
 const SHOWN: u64 = 36;
 
+/// What the allocator keeps of memory that a thread has freed, to use it again.
+const FREED: u64 = 2 << 20;
+
 /// What a picture takes from now on: neither the scene nor what computes it counts.
 pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
     let subpixels = |extent: &Extent| extent.frame.size.n_pixels() as u64;
@@ -74,7 +77,7 @@ pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
         }
     };
     let kept = if has("png") { SHOWN } else { 0 };
-    Need { own: at_work + kept * pixels(extent), mapped: 0 }
+    Need { own: at_work + kept * pixels(extent) + threads * FREED, mapped: 0 }
 }
 
 /// What the files that a run reads take.
