@@ -51,9 +51,8 @@ pub(crate) fn whole() -> anyhow::Result<Whole> {
 
     let mut render = Vec::new();
     for mode in programs.modes()? {
-        // Memory is that of the picture, whatever is traced for a pixel.
-        let cheap = ["--resolution", "1024x1024", "--shadow-rays", "4", "--gather", "50"];
-        let call = call(&programs.render_cached, &picture, &cheap);
+        // The usual rays and photons: with few of them mode adaptive sees that no cache pays, and is the original.
+        let call = call(&programs.render_cached, &picture, &["--resolution", "1024x1024"]);
         call.args(["--mode", &mode, "--photons"]).args([&maps]).run()?;
         let rendered: RenderStats = stats::read(&json)?;
         let own = rendered.peak_rss_bytes.saturating_sub(built.file_bytes);
