@@ -236,12 +236,18 @@ fn tiles_of_mode_adaptive_are_those_of_the_whole() {
         let names: Vec<String> = (1..=5).map(|i| format!("{i}.exr")).collect();
         for (i, name) in (1..).zip(&names) {
             let tile = format!("--from-layers a.layers --tile {i}/5 -o {name} --force");
-            bench.run(&format!("{options} {tile}"));
+            bench.run(&format!("{options} {tile} --stats a.json"));
+            assert_eq!(bench.json("a.json")["threads"], 1, "as many as are of use");
         }
         bench.run(&format!("assemble {} -o a.exr --force", names.join(" ")));
         assert!(bench.read("a.exr") == bench.read("whole.exr"), "{options}");
-        bench.run(&format!("{options} --from-layers a.layers -o again.exr --force"));
-        assert!(bench.read("again.exr") == bench.read("whole.exr"), "{options}");
+        for threads in [1, 3] {
+            let again =
+                format!("--from-layers a.layers -o again.exr --force --stats a.json -t {threads}");
+            bench.run(&format!("{options} {again}"));
+            assert_eq!(bench.json("a.json")["threads"], threads);
+            assert!(bench.read("again.exr") == bench.read("whole.exr"), "{options}");
+        }
     }
 
     let options = format!("{run} --mode adaptive");
