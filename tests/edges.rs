@@ -16,11 +16,16 @@ const N_PHOTONS: usize = 200_000;
 /// Photons that are spread evenly over the unit square at height 0, but for where `covered` says there is none, on the
 /// side of `normal`.
 fn photons(normal: Vec3A, covered: impl Fn(Vec3A) -> bool) -> PhotonMaps {
+    photons_at(normal, |p| (!covered(p)).then_some(0.0))
+}
+
+/// The same at the heights that `height` tells, if any.
+fn photons_at(normal: Vec3A, height: impl Fn(Vec3A) -> Option<f32>) -> PhotonMaps {
     let mut rng = Rng::new(0, Stream::Test, 0);
     let flux = Rgb::splat(IRRADIANCE / N_PHOTONS as f32);
     let photons: Vec<Photon> = (0..N_PHOTONS)
         .map(|_| Vec3A::new(rng.next_f32(), 0.0, rng.next_f32()))
-        .filter(|p| !covered(*p))
+        .filter_map(|p| height(p).map(|y| p + Vec3A::Y * y))
         .map(|p| Photon { position: p.into(), normal: encode_octahedral(normal), flux })
         .collect();
     PhotonMaps {
@@ -115,4 +120,34 @@ fn a_box_that_stands_on_a_floor() {
     add_mesh(&mut parts, base, diffuse(Rgb::ONE));
     let covered = |p: Vec3A| p.x > 0.1 && p.x < 0.48 && p.z > 0.1 && p.z < 0.9;
     assert_even("floor", &parts, Vec3A::Y, covered);
+}
+
+/// A sheet or a box floats a little above the square, and light from straight above falls on it instead of on what it
+/// covers. Neither takes photons from the other, nor area.
+#[test]
+fn a_rug_on_a_floor() {
+    const TOP: f32 = 0.005;
+    let (low, high) = (Vec3::new(0.1, 0.0005, 0.1), Vec3::new(0.48, TOP, 0.9));
+    let corner = Vec3::new(low.x, TOP, low.z);
+    let sheet = quad(corner, Vec3::Z * (high.z - low.z), Vec3::X * (high.x - low.x));
+    let covered = |p: Vec3A| p.x > low.x && p.x < high.x && p.z > low.z && p.z < high.z;
+    let photons = photons_at(Vec3A::Y, |p| Some(if covered(p) { TOP } else { 0.0 }));
+    for (what, rug) in [("sheet", sheet), ("box", cuboid(low, high))] {
+        let mut parts = with_mesh(quad(Vec3::ZERO, Vec3::Z, Vec3::X));
+        add_mesh(&mut parts, rug, diffuse(Rgb::ONE));
+        let scene = Scene::assemble(parts);
+        // On either side of the border, and of its corner.
+        for off in [-0.1, -0.03, -0.015, -0.004, 0.002, 0.005, 0.01, 0.02, 0.03, 0.04, 0.1] {
+            for z in [0.3, 0.5, high.z + off] {
+                let y = if off < 0.0 { TOP } else { 0.0 };
+                let p = Vec3A::new(high.x + off, y, z);
+                let found = irradiance(&scene, &photons, Kernel::Epanechnikov, Vec3A::Y, p);
+                println!("{what}, {off} off, at {z}: {:+.3}", found / IRRADIANCE - 1.0);
+                let error = (found / IRRADIANCE - 1.0).abs();
+                // A sheet has no bottom that tells of the floor below it.
+                let is_told = what == "box" || off > 0.0;
+                assert!(!is_told || error < 0.1, "{what}: {found} instead of {IRRADIANCE} at {p}");
+            }
+        }
+    }
 }

@@ -2,12 +2,12 @@
 
 use base::{Component, Components, Grid, ImageSize, Rgb, Rng, Stream};
 use glam::Vec2;
-use photon_map::{Metadata, PhotonMaps, PhotonSet};
+use photon_map::{Metadata, PhotonMaps, PhotonSet, StoredPhoton};
 use photon_trace::{Budget, Config, Traced};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rayon::slice::ParallelSlice;
 use scene::Scene;
-use shade::{GatherPhotons, GatherPlace, IrradianceAhead, PixelStream, Settings, Shader, Work};
+use shade::{GatherPhotons, IrradianceAhead, PixelStream, Settings, Shader, Work};
 
 /// A picture by terms of Eq. (8).
 #[derive(Debug)]
@@ -49,10 +49,10 @@ pub(crate) fn gathering<'a>(
     settings: Settings,
     rays: u32,
 ) -> Shader<'a> {
-    let photons = GatherPhotons::of(maps).unwrap();
+    let photons = GatherPhotons::of(maps, &settings.indirect).unwrap();
     let shader = Shader::new(scene, maps, settings);
     let places = photons.places();
-    let chunk = |places: &[GatherPlace]| -> Vec<IrradianceAhead> {
+    let chunk = |places: &[StoredPhoton]| -> Vec<IrradianceAhead> {
         let mut work = Work::default();
         places.iter().map(|place| shader.irradiance_ahead(&photons, place, &mut work)).collect()
     };

@@ -69,6 +69,22 @@ impl PhotonSet {
         guess: Option<f32>,
         scratch: &mut Scratch,
     ) -> Estimate {
+        self.irradiance_of_sheet(point, normal, f32::INFINITY, gather, guess, scratch)
+    }
+
+    /// The same from photons that lie no more than `height`, in world units, above or below the surface alone.
+    ///
+    /// # Panics
+    /// When `k` is below 2.
+    pub fn irradiance_of_sheet(
+        &self,
+        point: Vec3A,
+        normal: Vec3A,
+        height: f32,
+        gather: &Gather,
+        guess: Option<f32>,
+        scratch: &mut Scratch,
+    ) -> Estimate {
         assert!(gather.k >= 2, "k is {}: an estimate needs two photons", gather.k);
         let mut visited = 0;
         // From a guess of nothing the search would never grow.
@@ -76,7 +92,7 @@ impl PhotonSet {
         let mut search =
             guess.unwrap_or_else(|| self.guess_radius(point, gather.k)).min(gather.max_radius);
         loop {
-            visited += self.collect(point, normal, search * search, gather.k, scratch);
+            visited += self.collect((point, normal, height), search * search, gather.k, scratch);
             if scratch.candidates.len() >= gather.k || search >= gather.max_radius {
                 break;
             }
@@ -119,11 +135,12 @@ impl PhotonSet {
     ) -> Estimate {
         let radius2 = radius * radius;
         let (mut sum, mut found) = (Sum::default(), 0);
-        let visited = self.accept(point, normal, radius2.next_down(), |_, photons| {
-            sum.add(photons.dist2(), photons.flux(), radius2, kernel);
-            found += photons.dist2().len();
-            None
-        });
+        let visited =
+            self.accept((point, normal, f32::INFINITY), radius2.next_down(), |_, photons| {
+                sum.add(photons.dist2(), photons.flux(), radius2, kernel);
+                found += photons.dist2().len();
+                None
+            });
         Estimate { irradiance: self.density(&sum, radius2), radius, found, visited }
     }
 
@@ -136,7 +153,7 @@ impl PhotonSet {
         max_radius: f32,
     ) -> Vec<(f32, u32)> {
         let mut all = Vec::new();
-        self.accept(point, normal, max_radius * max_radius, |leaf, photons| {
+        self.accept((point, normal, f32::INFINITY), max_radius * max_radius, |leaf, photons| {
             let indices = photons.lanes().map(|lane| (leaf * LEAF + lane) as u32);
             all.extend(photons.dist2().iter().copied().zip(indices));
             None
@@ -147,19 +164,21 @@ impl PhotonSet {
     }
 
     /// Calls `f` for each photon that an estimate within `radius` counts, with its squared distance and its number.
+    /// None may lie more than `height` above or below the surface. Answers how many photons were looked at.
     pub fn each_within(
         &self,
         point: Vec3A,
         normal: Vec3A,
+        height: f32,
         radius: f32,
         mut f: impl FnMut(f32, usize),
-    ) {
-        self.accept(point, normal, (radius * radius).next_down(), |leaf, photons| {
+    ) -> usize {
+        self.accept((point, normal, height), (radius * radius).next_down(), |leaf, photons| {
             for (&dist2, lane) in photons.dist2().iter().zip(photons.lanes()) {
                 f(dist2, leaf * LEAF + lane);
             }
             None
-        });
+        })
     }
 
     /// The nearest photon that the estimate counts, if one lies nearer than `max_radius`.
@@ -167,7 +186,8 @@ impl PhotonSet {
         let mut found = None;
         self.walk(point, max_radius * max_radius, |leaf, mut bound2| {
             let n = LEAF.min(self.n - leaf * LEAF);
-            let dist2 = self.boxes[leaf].distances(&self.leaves[leaf], point, normal);
+            let dist2 =
+                self.boxes[leaf].distances(&self.leaves[leaf], point, normal, f32::INFINITY);
             for (lane, &dist2) in dist2[..n].iter().enumerate() {
                 let is_facing = || {
                     let code = self.leaves[leaf].normals[lane];
@@ -185,8 +205,7 @@ impl PhotonSet {
     /// Collects the candidates within a distance, or at least the nearest `k` of them, in the order of the walk.
     fn collect(
         &self,
-        point: Vec3A,
-        normal: Vec3A,
+        place: (Vec3A, Vec3A, f32),
         bound2: f32,
         k: usize,
         scratch: &mut Scratch,
@@ -194,7 +213,7 @@ impl PhotonSet {
         let Scratch { candidates, ordered } = scratch;
         candidates.keep(|_| false);
         let mut full = 3 * k + 4 * LEAF;
-        self.accept(point, normal, bound2, |_, photons| {
+        self.accept(place, bound2, |_, photons| {
             candidates.dist2.extend_from_slice(photons.dist2());
             candidates.flux.extend_from_slice(photons.flux());
             (candidates.len() >= full).then(|| {
@@ -207,18 +226,17 @@ impl PhotonSet {
         })
     }
 
-    /// Calls `found` for each leaf with photons of this surface within a distance; it may answer with a smaller distance.
-    /// Answers how many photons were looked at.
+    /// Calls `found` for each leaf with photons of the surface at a place, given by point, normal and how high photons may
+    /// lie, within a distance; it may answer with a smaller distance. Answers how many photons were looked at.
     #[inline(always)]
     fn accept(
         &self,
-        point: Vec3A,
-        normal: Vec3A,
+        (point, normal, height): (Vec3A, Vec3A, f32),
         bound2: f32,
         mut found: impl FnMut(usize, &Counted) -> Option<f32>,
     ) -> usize {
         let (boxes, leaves) = (&*self.boxes, &*self.leaves);
-        let (mut surface, mut counted) = (Surface::new(point, normal), Counted::new());
+        let (mut surface, mut counted) = (Surface::new(point, normal, height), Counted::new());
         let (mut visited, mut bound2) = (0, bound2);
         let mut look = |leaf: usize, bound2: f32| {
             let n = LEAF.min(self.n - leaf * LEAF);

@@ -19,6 +19,8 @@ pub(crate) const MIN_COS_NORMALS: f32 = 0.9;
 pub(crate) struct Surface {
     point: Vec3A,
     normal: Vec3A,
+    /// The square of how high or low photons may lie.
+    height2: f32,
     /// The last code of a normal, and whether it counts: neighbors mostly share theirs.
     last: (u16, bool),
 }
@@ -35,8 +37,8 @@ pub(crate) struct Counted {
 }
 
 impl Surface {
-    pub(crate) fn new(point: Vec3A, normal: Vec3A) -> Self {
-        Self { point, normal, last: (0, is_facing(0, normal)) }
+    pub(crate) fn new(point: Vec3A, normal: Vec3A, height: f32) -> Self {
+        Self { point, normal, height2: height * height, last: (0, is_facing(0, normal)) }
     }
 
     /// Finds the photons within `sqrt(bound2)` among the first `n` of a leaf.
@@ -62,7 +64,7 @@ impl Surface {
         bound2: f32,
         counted: &mut Counted,
     ) {
-        let all = around.distances(leaf, self.point, self.normal);
+        let all = around.distances(leaf, self.point, self.normal, self.height2);
         // Each photon is written, and overwritten by the next unless it counts: a branch would be mispredicted every
         // other time. The remainders spare the bounds checks.
         let (mut lanes, mut n_near) = ([0_u32; LEAF], 0);

@@ -94,9 +94,15 @@ impl LeafBox {
     }
 
     /// Squared distances of the photons of the leaf from a point; not a number for those that lie too high above, or too
-    /// low below, the surface through the point with the given normal.
+    /// low below, the surface through the point with the given normal. More than `sqrt(height2)` is too high anyway.
     #[inline(always)]
-    pub(crate) fn distances(&self, leaf: &Leaf, point: Vec3A, normal: Vec3A) -> [f32; LEAF] {
+    pub(crate) fn distances(
+        &self,
+        leaf: &Leaf,
+        point: Vec3A,
+        normal: Vec3A,
+        height2: f32,
+    ) -> [f32; LEAF] {
         let Self { min, step } = self;
         let [qx, qy, qz] = &leaf.positions;
         let (p, n) = (point.to_array(), normal.to_array());
@@ -108,7 +114,8 @@ impl LeafBox {
             let z = min[2] + f32::from(qz[lane]) * step[2] - p[2];
             let dist2 = x * x + y * y + z * z;
             let height = x * n[0] + y * n[1] + z * n[2];
-            let is_flat = height * height <= dist2 * (MAX_SINE_HEIGHT * MAX_SINE_HEIGHT);
+            let limit2 = (dist2 * (MAX_SINE_HEIGHT * MAX_SINE_HEIGHT)).min(height2);
+            let is_flat = height * height <= limit2;
             distances[lane] = if is_flat { dist2 } else { f32::NAN };
         }
         distances
@@ -138,7 +145,7 @@ mod tests {
             }
             let box_dist2 = around.dist2(&point.to_array());
             // Nothing is too high above a surface without a normal.
-            let distances = around.distances(&leaf, point.into(), Vec3A::ZERO);
+            let distances = around.distances(&leaf, point.into(), Vec3A::ZERO, f32::INFINITY);
             let nearest = distances.into_iter().fold(f32::INFINITY, f32::min);
             assert!(box_dist2 <= nearest, "{box_dist2} > {nearest} from {point} to {around:?}");
         }

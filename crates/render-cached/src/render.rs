@@ -198,9 +198,10 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
     let known = finished.as_ref().map(Finished::photons);
     let photons = photons::open(photons_path, scene_path, &args.scene_options, &scene, known)?;
     let Photons { maps: photons, file: photons_file, fingerprint: photons_digest } = photons;
+    let settings = settings(args, scene.bounds().diagonal());
     if args.shading.indirect == Indirect::Gather
         && finished.is_none()
-        && GatherPhotons::of(&photons).is_none()
+        && GatherPhotons::of(&photons, &settings.indirect).is_none()
     {
         bail!(
             "{} holds no photons for --indirect gather; make it with: {}",
@@ -208,7 +209,6 @@ fn render_in_pool(args: &Args, interrupt: &Interrupt, mut clock: Clock) -> anyho
             photons::for_gathering(photons_path, scene_path, &args.scene_options, &photons)
         );
     }
-    let settings = settings(args, scene.bounds().diagonal());
     let of_surfaces = inputs_of_surfaces(args, &scene, photons_digest, &settings);
     let mut inputs = of_surfaces.clone();
     inputs.add("the camera", scene.view_fingerprint());
@@ -374,7 +374,7 @@ fn shader<'a>(
     progress: &Progress<'_>,
 ) -> anyhow::Result<(Shader<'a>, Counts)> {
     let shader = Shader::new(scene, photons, settings);
-    match GatherPhotons::of(photons) {
+    match GatherPhotons::of(photons, &settings.indirect) {
         Some(photons)
             if args.shading.indirect == Indirect::Gather && args.paper.from_layers.is_none() =>
         {

@@ -18,16 +18,9 @@ impl Shader<'_> {
     /// Irradiance of caustics on the side of the surface's normals.
     pub fn caustic_estimate(&self, surface: &Surface, work: &mut Work) -> Estimate {
         let guess = work.last_caustic.guess(surface.position);
-        let estimate = self.photons.caustic.irradiance(
-            surface.position,
-            // The true one: photons of this surface lie in its plane, however it is shaded.
-            surface.geometric_normal,
-            &self.settings.caustic,
-            guess,
-            &mut work.scratch,
-        );
-        work.counts.photons_visited += estimate.visited as u64;
+        let gather = &self.settings.caustic;
+        let estimate = self.estimate(&self.photons.caustic, surface, gather, guess, work);
         work.last_caustic.remember(surface.position, &estimate);
-        self.made_up(estimate, surface, self.settings.caustic.kernel)
+        estimate
     }
 }

@@ -7,18 +7,29 @@
 //! several meshes tile comes out whole, and the bottom of a box that stands on a floor hides what it covers. Where the
 //! surface goes on at an angle, the photons beyond count as long as the line to them is flat enough.
 //!
+//! A sheet that floats closely in front, as a rug or a lamp, covers what it hides. Photons that fall on it, or on the surface
+//! that it floats over, belong to another sheet, though the line to them is flat enough from some distance on: where two
+//! sheets are seen, those count alone that lie nearer to that of the point.
+//!
 //! Surfaces that cut through each other away from their edges aren't seen, and neither are spheres.
 
 use geometry::Surface;
-use photon_map::{Estimate, Kernel};
+use photon_map::{Estimate, Gather, Kernel, PhotonSet};
 
-use crate::Shader;
+use crate::{Shader, Work};
 
 /// A crease belongs to the surface around a point if its normal is within this cosine, ...
 const MIN_COS_NORMALS: f32 = 0.9;
 
 /// ... and if the line to it rises by less than this sine: as for photons.
 const MAX_SINE_HEIGHT: f32 = 0.25;
+
+/// What is nearer than so much of the radius is one sheet.
+const LEAST_HEIGHT: f32 = 1.0 / 256.0;
+
+/// Where the surface around a point goes on at another height, its normal turns by twice the sine to that place. A sheet of its own
+/// turns by less than so much of it.
+const MAX_TURN: f32 = 0.25;
 
 /// Less of the kernel can't lie on the surface. In the corner of a cube it is a quarter; only needles have less, and
 /// little light is lost if theirs is not made up for in full.
@@ -28,26 +39,65 @@ const LEAST: f32 = 0.1;
 /// the estimate.
 const MAX_CREASES: u32 = 512;
 
+/// What the creases around a point tell of its surface.
+#[derive(Clone, Copy, Debug)]
+struct Around {
+    /// The part of a kernel that lies on it, in (0, 1].
+    coverage: f32,
+    /// Photons higher above it, or lower below, lie on another sheet; infinite where there is none.
+    height: f32,
+}
+
 impl Shader<'_> {
-    /// Makes up for what an estimate lacks near the edges of its surface.
-    pub(crate) fn made_up(
+    /// Irradiance from photons around a point, made up for what is lacking near the edges of its surface.
+    pub(crate) fn estimate(
         &self,
-        estimate: Estimate,
+        photons: &PhotonSet,
         surface: &Surface,
-        kernel: Kernel,
+        gather: &Gather,
+        guess: Option<f32>,
+        work: &mut Work,
     ) -> Estimate {
-        if estimate.irradiance.is_black() {
-            return estimate;
-        }
-        let coverage = self.coverage(surface, estimate.radius, kernel);
-        Estimate { irradiance: estimate.irradiance / coverage, ..estimate }
+        // The true normal: photons of this surface lie in its plane, however it is shaded.
+        let Surface { position, geometric_normal: normal, .. } = *surface;
+        self.made_up(surface, gather.kernel, |height| {
+            let scratch = &mut work.scratch;
+            let found =
+                photons.irradiance_of_sheet(position, normal, height, gather, guess, scratch);
+            work.counts.photons_visited += found.visited as u64;
+            found
+        })
     }
 
-    /// The part of a kernel around a point that lies on its surface, in (0, 1].
-    fn coverage(&self, surface: &Surface, radius: f32, kernel: Kernel) -> f32 {
+    /// Makes up for what an estimate lacks near the edges of its surface. It is told how high photons may lie.
+    pub(crate) fn made_up(
+        &self,
+        surface: &Surface,
+        kernel: Kernel,
+        mut estimate: impl FnMut(f32) -> Estimate,
+    ) -> Estimate {
+        let mut height = f32::INFINITY;
+        loop {
+            let found = estimate(height);
+            if found.irradiance.is_black() {
+                return found;
+            }
+            let around = self.around(surface, found.radius, kernel, height);
+            if height.is_finite() || around.height.is_infinite() {
+                return Estimate { irradiance: found.irradiance / around.coverage, ..found };
+            }
+            height = around.height;
+        }
+    }
+
+    /// What lies around a point, as far as a kernel reaches. What rises by less than `height` belongs to its surface.
+    fn around(&self, surface: &Surface, radius: f32, kernel: Kernel, height: f32) -> Around {
         let scale = 1.0 / radius;
         // By which side the triangles show: that of the point, or the other.
         let (mut hidden, mut hidden_behind) = (0.0, 0.0);
+        // The same of sheets in front.
+        let (mut covered, mut covered_behind) = (0.0, 0.0);
+        let mut next_sheet = f32::INFINITY;
         let mut n_creases = 0;
         self.scene.creases.near(surface.position, radius, |crease| {
             n_creases += 1;
@@ -62,21 +112,39 @@ impl Shader<'_> {
             let along = edge / length;
             let start = from.dot(along);
             let nearest = from + along * (-start).clamp(0.0, length);
-            let height = nearest.dot(surface.geometric_normal);
+            let rise = nearest.dot(surface.geometric_normal);
+            let distance = nearest.length();
             // Where the point itself lies on the edge, both are rounding errors.
             let slack = 4.0 * surface.error;
-            if height.abs() <= MAX_SINE_HEIGHT * nearest.length() + slack {
-                // Beyond a line at distance s on a surface that turns away, photons up to distance t rise by less than the
-                // limit if (t - s) * turn < limit * t: as if the line were farther away.
+            // Beyond a line at distance s on a surface that turns away, photons up to distance t rise by less than the
+            // limit if (t - s) * turn < limit * t: as if the line were farther away.
+            let part = || {
                 let scale = scale / (1.0 - MAX_SINE_HEIGHT / crease.turn);
                 let part = kernel.hidden(h.abs() * scale, start * scale, (start + length) * scale);
-                let part = if h >= -slack { part } else { -part };
-                *(if cos > 0.0 { &mut hidden } else { &mut hidden_behind }) += part;
+                if h >= -slack { part } else { -part }
+            };
+            let sine_of_turn = crease.normal.cross(surface.geometric_normal).length();
+            let is_sheet = rise.abs() > LEAST_HEIGHT * radius
+                && rise.abs() < MAX_SINE_HEIGHT * radius
+                && crease.turn.is_infinite()
+                && sine_of_turn * distance < MAX_TURN * rise.abs();
+            if is_sheet {
+                if distance < radius {
+                    next_sheet = rise.abs().min(next_sheet);
+                }
+                // One that floats higher shades less closely.
+                let closeness = (2.0 - 2.0 * rise / (MAX_SINE_HEIGHT * radius)).min(1.0);
+                if rise > 0.0 {
+                    *(if cos > 0.0 { &mut covered } else { &mut covered_behind }) +=
+                        part() * closeness;
+                }
+            } else if rise.abs() <= (MAX_SINE_HEIGHT * distance).min(height) + slack {
+                *(if cos > 0.0 { &mut hidden } else { &mut hidden_behind }) += part();
             }
             n_creases < MAX_CREASES
         });
         if n_creases >= MAX_CREASES {
-            return 1.0;
+            return Around { coverage: 1.0, height: f32::INFINITY };
         }
         // A sheet may be seen from behind: then its own triangles, which hold the point and hide a positive part, are
         // those with the other side. What else shows the other side and doesn't hold the point lies on the surface and
@@ -85,6 +153,8 @@ impl Shader<'_> {
             true => (hidden_behind, hidden),
             false => (hidden, hidden_behind),
         };
-        (1.0 - own + others.min(0.0)).clamp(LEAST, 1.0)
+        // Both sides of a box cover the same.
+        let covering = (others.min(0.0) + covered_behind).min(covered).min(0.0);
+        Around { coverage: (1.0 - own + covering).clamp(LEAST, 1.0), height: 0.5 * next_sheet }
     }
 }

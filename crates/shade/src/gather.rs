@@ -14,9 +14,9 @@ use base::math::{FRAC_1_PI, PI};
 use base::{OwenSobol, Ray, Rgb, Rng, Stream, hash_u64, warp};
 use geometry::Surface;
 use glam::{Vec2, Vec3A};
-use photon_map::Estimate;
+use photon_map::{Estimate, StoredPhoton};
 
-use crate::irradiance_points::{GatherPhotons, GatherPlace, IrradianceAhead, IrradiancePoints};
+use crate::irradiance_points::{GatherPhotons, IrradianceAhead, IrradiancePoints};
 use crate::spots::Spots;
 use crate::{PixelStream, Shader, ShadingPoint, Work};
 
@@ -42,13 +42,13 @@ pub(crate) struct Gathering<'a> {
 
 impl<'a> Shader<'a> {
     /// Indirect light by final gathering from now on, with so many rays, at least 1. `irradiance` is what
-    /// [`Shader::irradiance_ahead`] has found at the `places` of the photons.
+    /// [`Shader::irradiance_ahead`] has found at the `places` among the photons.
     #[must_use]
     pub fn gathering(
         mut self,
         rays: u32,
         photons: GatherPhotons<'a>,
-        places: &[GatherPlace],
+        places: &[StoredPhoton],
         irradiance: &[IrradianceAhead],
     ) -> Self {
         let max_radius = self.settings.indirect.max_radius;
@@ -182,20 +182,12 @@ impl<'a> Shader<'a> {
 
     /// Irradiance of indirect light that comes by mirrors or glass, from photons.
     fn focused(&self, gathering: &Gathering<'_>, surface: &Surface, work: &mut Work) -> Rgb {
-        let Surface { position, geometric_normal, .. } = *surface;
         let gather = &self.settings.indirect;
-        let guess = work.last_indirect.guess(position);
-        let scratch = &mut work.scratch;
-        let estimate = gathering.points.photons().focused.irradiance(
-            position,
-            geometric_normal,
-            gather,
-            guess,
-            scratch,
-        );
-        work.counts.photons_visited += estimate.visited as u64;
-        work.last_indirect.remember(position, &estimate);
-        self.made_up(estimate, surface, gather.kernel).irradiance
+        let guess = work.last_indirect.guess(surface.position);
+        let focused = gathering.points.photons().focused;
+        let estimate = self.estimate(focused, surface, gather, guess, work);
+        work.last_indirect.remember(surface.position, &estimate);
+        estimate.irradiance
     }
 
     /// Irradiance straight from emitters, with one shadow ray for a light.

@@ -39,16 +39,9 @@ impl Shader<'_> {
 
     fn indirect_photons(&self, surface: &Surface, work: &mut Work) -> Estimate {
         let guess = work.last_indirect.guess(surface.position);
-        let estimate = self.photons.indirect.irradiance(
-            surface.position,
-            // The true one: photons of this surface lie in its plane, however it is shaded.
-            surface.geometric_normal,
-            &self.settings.indirect,
-            guess,
-            &mut work.scratch,
-        );
-        work.counts.photons_visited += estimate.visited as u64;
+        let gather = &self.settings.indirect;
+        let estimate = self.estimate(&self.photons.indirect, surface, gather, guess, work);
         work.last_indirect.remember(surface.position, &estimate);
-        self.made_up(estimate, surface, self.settings.indirect.kernel)
+        estimate
     }
 }

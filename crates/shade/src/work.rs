@@ -2,7 +2,6 @@
 
 use std::ops::AddAssign;
 
-use base::PhotonClass;
 use glam::Vec3A;
 use photon_map::{Estimate, Scratch};
 use scene::LightSample;
@@ -44,8 +43,6 @@ pub struct Work {
     pub(crate) light_samples: Vec<LightSample>,
     pub(crate) last_indirect: LastEstimate,
     pub(crate) last_caustic: LastEstimate,
-    /// By class, of irradiance ahead.
-    pub(crate) last_ahead: [LastEstimate; PhotonClass::ALL.len()],
 }
 
 /// Where the last estimate was made and how far it reached: a guess for the next.

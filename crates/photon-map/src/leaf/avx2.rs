@@ -51,7 +51,7 @@ fn count_wide(
     bound2: f32,
     counted: &mut Counted,
 ) {
-    let dist2 = around.distances(leaf, surface.point, surface.normal);
+    let dist2 = around.distances(leaf, surface.point, surface.normal, surface.height2);
     let bound2 = _mm256_set1_ps(bound2);
     let (dist2_by_8, _) = dist2.as_chunks::<8>();
     let mut near = 0;
@@ -156,11 +156,13 @@ mod tests {
             let n = 1 + rng.next_u32() as usize % LEAF;
             // Some photon lies exactly at the bound.
             let any = rng.next_u32() as usize % LEAF;
-            let bound2 = around.distances(&leaf, point, Vec3A::ZERO)[any];
+            let bound2 = around.distances(&leaf, point, Vec3A::ZERO, f32::INFINITY)[any];
+            // Some lie too high, or not.
+            let height = [f32::INFINITY, 0.003][i % 2];
             let [mut narrow, mut wide] = [Counted::new(), Counted::new()];
-            let mut surface = Surface::new(point, Vec3A::Z);
+            let mut surface = Surface::new(point, Vec3A::Z, height);
             surface.count_one_by_one((&around, &leaf), n, bound2, &mut narrow);
-            let mut surface = Surface::new(point, Vec3A::Z);
+            let mut surface = Surface::new(point, Vec3A::Z, height);
             count(&mut surface, (&around, &leaf), n, bound2, &mut wide);
             assert_eq!((wide.dist2(), wide.flux()), (narrow.dist2(), narrow.flux()), "{i}");
             assert_eq!(wide.lanes, narrow.lanes, "{i}");

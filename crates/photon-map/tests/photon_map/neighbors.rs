@@ -144,7 +144,9 @@ fn estimates_within_a_radius_are_sums_over_what_a_scan_finds() {
                 let found = set.irradiance_within(point, normal, radius, kernel);
                 assert_eq!((found.found, found.radius), (all.len(), radius), "{what}");
                 let mut each = Vec::new();
-                set.each_within(point, normal, radius, |dist2, i| each.push((dist2, i as u32)));
+                set.each_within(point, normal, f32::INFINITY, radius, |dist2, i| {
+                    each.push((dist2, i as u32));
+                });
                 each.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 assert_eq!(each, all, "{what}");
                 assert_close(&found, sum(&set, &all, kernel, radius * radius), &what);
