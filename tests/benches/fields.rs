@@ -225,7 +225,7 @@ impl Rule<Rgb> for Even {
     fn reference(&self, _: usize, _: Rgb) -> f32 {
         1.0
     }
-    fn spacing(&self, _: usize) -> u32 {
+    fn spacing(&self, _: base::Pixel) -> u32 {
         16
     }
 }

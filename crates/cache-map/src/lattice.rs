@@ -5,6 +5,8 @@
 //! diagonals (a *center*), otherwise they are the row and the column (a *midpoint*). This is the quincunx order: for each
 //! step from large to small, first all centers, then all midpoints, and a pixel needs nothing of its own rank.
 
+use std::ops::Range;
+
 use base::{Grid, ImageSize, Pixel};
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -27,6 +29,21 @@ pub struct Lattice {
     size: ImageSize,
     has_site: Vec<bool>,
     masks: Vec<u8>,
+    /// For each block, row-major, whether all its pixels of small steps have all neighbours.
+    whole: Vec<bool>,
+}
+
+/// A square of pixels, by its place among such squares.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Block {
+    pub(crate) x: u32,
+    pub(crate) y: u32,
+}
+
+impl Block {
+    pub(crate) fn corner(self) -> Pixel {
+        Pixel { x: self.x * BLOCK, y: self.y * BLOCK }
+    }
 }
 
 /// Centers come before midpoints.
@@ -56,9 +73,12 @@ impl Lattice {
         let size = sites.size();
         let planes = Planes::new(sites);
         let mut masks = vec![0; size.n_pixels()];
-        let width = size.width as usize;
-        masks.par_chunks_mut(width * BLOCK as usize).enumerate().for_each(|(by, masks)| {
-            for bx in 0..size.width.div_ceil(BLOCK) {
+        let (width, columns) = (size.width as usize, size.width.div_ceil(BLOCK));
+        let mut whole = vec![false; (columns * size.height.div_ceil(BLOCK)) as usize];
+        let rows = masks.par_chunks_mut(width * BLOCK as usize);
+        let rows = rows.zip(whole.par_chunks_mut(columns as usize)).enumerate();
+        rows.for_each(|(by, (masks, whole))| {
+            for (bx, whole) in (0..columns).zip(whole) {
                 // Pixels up to this step have all their neighbours in the plane of the block.
                 let in_plane = planes.reach(bx, by as u32) * BLOCK / 3;
                 for (dy, masks) in masks.chunks_mut(width).enumerate() {
@@ -72,9 +92,18 @@ impl Lattice {
                         }
                     }
                 }
+                let row =
+                    |y: u32| &masks[(y * size.width + bx * BLOCK) as usize..][..BLOCK as usize];
+                let is_filled = |y: u32| {
+                    (0..BLOCK).zip(row(y)).all(|(x, &mask)| mask == u8::MAX || rank(x, y).0 > SMALL)
+                };
+                let is_inside =
+                    masks.len() == width * BLOCK as usize && (bx + 1) * BLOCK <= size.width;
+                *whole = is_inside && (in_plane >= SMALL || (0..BLOCK).all(is_filled));
             }
         });
-        Self { size, has_site: sites.values().iter().map(Option::is_some).collect(), masks }
+        let has_site = sites.values().iter().map(Option::is_some).collect();
+        Self { size, has_site, masks, whole }
     }
 
     /// Width and height.
@@ -86,6 +115,41 @@ impl Lattice {
     pub fn step(&self, index: usize) -> u32 {
         let pixel = self.size.pixel(index);
         rank(pixel.x, pixel.y).0
+    }
+
+    /// The same, but pixels are looked at one by one only.
+    #[cfg(test)]
+    pub(crate) fn without_blocks(mut self) -> Self {
+        self.whole.fill(false);
+        self
+    }
+
+    /// Whether a pixel and its eight neighbours show one smooth surface, as far as is known for many pixels at once.
+    #[inline]
+    pub fn has_no_edge_around(&self, Pixel { x, y }: Pixel) -> bool {
+        self.is_whole(Block { x: x / BLOCK, y: y / BLOCK })
+    }
+
+    pub(crate) fn n_blocks(&self) -> usize {
+        self.whole.len()
+    }
+
+    /// The block of a number.
+    pub(crate) fn block(&self, index: usize) -> Block {
+        let columns = self.size.width.div_ceil(BLOCK);
+        Block { x: index as u32 % columns, y: index as u32 / columns }
+    }
+
+    /// The numbers of the blocks that a row of pixels goes through.
+    pub(crate) fn blocks_of_row(&self, y: u32) -> Range<usize> {
+        let columns = self.size.width.div_ceil(BLOCK) as usize;
+        let first = (y / BLOCK) as usize * columns;
+        first..first + columns
+    }
+
+    /// Whether all pixels of a block with steps up to [`SMALL`] have all their neighbours.
+    pub(crate) fn is_whole(&self, Block { x, y }: Block) -> bool {
+        self.whole[(y * self.size.width.div_ceil(BLOCK) + x) as usize]
     }
 
     pub(crate) fn has_site(&self, index: usize) -> bool {
@@ -120,7 +184,10 @@ fn mask_of(sites: &Grid<Option<SurfacePoint>>, x: u32, y: u32, h: u32, rank: Ran
 }
 
 /// The side of the blocks that are asked whether they show one plane.
-const BLOCK: u32 = 16;
+pub(crate) const BLOCK: u32 = 16;
+
+/// Pixels of larger steps are few.
+pub(crate) const SMALL: u32 = 2;
 
 /// Points may lie out of a plane by this part of a block's extent: pixels, which lie farther apart than a hundredth of that,
 /// see each other in the plane all the same.

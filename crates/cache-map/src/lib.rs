@@ -17,9 +17,11 @@
 //! - The caustics rule, Eq. (12), asks the samples only, so that it doesn't depend on what tracing has found.
 //! - With all three thresholds 0 nothing is interpolated, caustics included.
 
+mod calm;
 mod candidates;
 mod file;
 mod lattice;
+mod layer;
 mod map;
 mod nearest;
 mod plan;
@@ -32,10 +34,11 @@ mod weight;
 pub use candidates::TILE;
 pub use file::{KIND, Saved, VERSION};
 pub use lattice::{Lattice, same_surface};
+pub use layer::{Layer, Reason, Value};
 pub use map::{CacheMap, Origin, SurfacePoint};
 pub use plan::Thresholds;
 pub use record_file::{RECORDS_KIND, RECORDS_VERSION, RecordSet};
 pub use records::{Nearby, RecordIndex, RecordPoint, Records};
-pub use refine::{Layer, Reason, Rule, Tolerance, Trace, Value, refine};
+pub use refine::{Rule, Tolerance, Trace, refine};
 pub use sampling::{choose_pixels, choose_pixels_in};
 pub use weight::error_between;

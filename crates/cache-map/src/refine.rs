@@ -5,134 +5,12 @@
 //! lines disagree, or where the neighbours span an edge, the pixel is traced. Predictions read only coarser ranks, so
 //! the order of work changes nothing.
 
-use std::ops::{Add, Mul, Sub};
-
-use base::{Pixel, Rgb};
-use bytemuck::Pod;
+use base::{ImageSize, Pixel};
 use rayon::prelude::*;
 
-use crate::lattice::{FAR_AFTER, FAR_BEFORE, Lattice, NEAR, Rank, lines, rank};
-
-/// Something that can be interpolated, and saved as it lies in memory.
-pub trait Value:
-    Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
-{
-    /// How much of it there is: the luminance of its absolute value.
-    fn size(self) -> f32;
-    /// The nearest value that makes sense: none is negative.
-    fn sound(self) -> Self;
-}
-
-/// Visibility.
-impl Value for f32 {
-    #[inline]
-    fn size(self) -> f32 {
-        self.abs()
-    }
-    #[inline]
-    fn sound(self) -> Self {
-        self.clamp(0.0, 1.0)
-    }
-}
-
-/// Irradiance.
-impl Value for Rgb {
-    #[inline]
-    fn size(self) -> f32 {
-        self.map(f32::abs).luminance()
-    }
-    #[inline]
-    fn sound(self) -> Self {
-        self.map(|v| v.max(0.0))
-    }
-}
-
-/// Why a pixel was traced, or why it didn't need to be. The numbers stand in the `reason.*` layers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Reason {
-    /// It wasn't: it was interpolated, or needs no value.
-    #[default]
-    Interpolated = 0,
-    /// It lies on the coarsest lattice, or the estimate there is too fine for a wider spacing.
-    Lattice = 1,
-    /// No line of neighbours lies on its surface.
-    NoNeighbours = 2,
-    /// The embedded pair differs too much.
-    Error = 3,
-    /// The neighbours differ too much: an edge.
-    Edge = 4,
-    /// A verification ray contradicted the interpolation, or a neighbour that was wrong.
-    Verification = 5,
-    /// It was held out to measure the error.
-    HoldOut = 6,
-    /// It wasn't: a saved record lies at this very point.
-    Reused = 7,
-    /// It wasn't: saved records around it agree what it is.
-    Nearby = 8,
-    /// The whole picture was computed: it is too small, or too cheap, for a cache to pay.
-    Whole = 9,
-}
-
-impl Reason {
-    /// All of them, in order.
-    pub const ALL: [Self; 10] = [
-        Self::Interpolated,
-        Self::Lattice,
-        Self::NoNeighbours,
-        Self::Error,
-        Self::Edge,
-        Self::Verification,
-        Self::HoldOut,
-        Self::Reused,
-        Self::Nearby,
-        Self::Whole,
-    ];
-
-    /// Whether the value comes from saved records instead of being computed.
-    pub fn is_reuse(self) -> bool {
-        matches!(self, Self::Reused | Self::Nearby)
-    }
-}
-
-/// A quantity at every pixel, with its history.
-#[derive(Clone, Debug)]
-pub struct Layer<T> {
-    /// The values, row-major.
-    pub values: Vec<T>,
-    /// Why each was traced, or that it was interpolated.
-    pub reasons: Vec<Reason>,
-    /// The step from which each was predicted or at which it was traced, as a power of two.
-    pub levels: Vec<u8>,
-}
-
-impl<T: Value> Layer<T> {
-    /// A layer of zeros.
-    pub fn new(n_pixels: usize) -> Self {
-        Self {
-            values: vec![T::default(); n_pixels],
-            reasons: vec![Reason::default(); n_pixels],
-            levels: vec![0; n_pixels],
-        }
-    }
-
-    /// Whether the value was computed, now or before, or taken from records: it isn't interpolated from pixels.
-    pub fn is_traced(&self, index: usize) -> bool {
-        self.reasons[index] != Reason::Interpolated
-    }
-
-    /// Whether the value was computed at this very point, now or before.
-    pub fn is_exact(&self, index: usize) -> bool {
-        !matches!(self.reasons[index], Reason::Interpolated | Reason::Nearby)
-    }
-
-    /// Forgets what records around a pixel told, so that it is asked for again, perhaps more strictly.
-    pub fn forget_nearby(&mut self) {
-        for reason in self.reasons.iter_mut().filter(|r| **r == Reason::Nearby) {
-            *reason = Reason::Interpolated;
-        }
-    }
-}
+use crate::calm::{is_calm, sees_traced_center};
+use crate::lattice::{BLOCK, FAR_AFTER, FAR_BEFORE, Lattice, NEAR, Rank, lines, rank as rank_of};
+use crate::layer::{Layer, Reason, Value};
 
 /// What decides between interpolating and tracing.
 pub trait Rule<T>: Sync {
@@ -140,8 +18,9 @@ pub trait Rule<T>: Sync {
     fn gain(&self, index: usize) -> f32;
     /// The luminance against which errors are measured at a pixel with this predicted value.
     fn reference(&self, index: usize, predicted: T) -> f32;
-    /// The widest spacing from which a pixel may be predicted.
-    fn spacing(&self, index: usize) -> u32;
+    /// The widest spacing from which a pixel may be predicted: the same in each square of 16 pixels a side that starts at a
+    /// multiple of that.
+    fn spacing(&self, pixel: Pixel) -> u32;
 }
 
 /// How strict the decision is.
@@ -203,109 +82,186 @@ pub fn refine<T: Value, E>(
 
     let mut h = coarsest / 2;
     while h >= 1 {
-        for wanted in [Rank::Center, Rank::Midpoint] {
-            let this = &*layer;
-            let rows: Vec<u32> = (0..size.height).filter(|y| y % h == 0).collect();
-            let decided: Vec<Vec<(Pixel, Decision<T>)>> = rows
-                .par_iter()
-                .map(|&y| {
-                    // In a row of odd multiples of the step lie centers and midpoints, in one of even multiples midpoints.
-                    let odd_row = y & h != 0;
-                    let (first, step) = match (wanted, odd_row) {
-                        (Rank::Center, true) | (Rank::Midpoint, false) => (h, 2 * h),
-                        (Rank::Center, false) => return Vec::new(),
-                        (Rank::Midpoint, true) => (0, 2 * h),
-                    };
-                    let mut decided = Vec::with_capacity((size.width / step) as usize + 1);
-                    for x in (first..size.width).step_by(step as usize) {
-                        debug_assert_eq!(rank(x, y), (h, wanted));
-                        let pixel = Pixel { x, y };
-                        let i = size.index(pixel);
-                        if lattice.has_site(i) && !this.is_traced(i) {
-                            let gain = rule.gain(i);
-                            if gain > 0.0 {
-                                decided.push((
-                                    pixel,
-                                    decide(lattice, this, i, (h, wanted), gain, rule, tolerance),
-                                ));
-                            }
-                        }
-                    }
-                    decided
-                })
-                .collect();
-            let mut traced = Vec::new();
-            for (pixel, decision) in decided.into_iter().flatten() {
-                match decision {
-                    Decision::Trace(reason) => traced.push((pixel, reason)),
-                    Decision::Take(value) => {
-                        let i = size.index(pixel);
-                        layer.values[i] = value;
-                        layer.levels[i] = h.trailing_zeros() as u8;
-                    }
-                }
-            }
-            settle(layer, traced, h)?;
+        let mut calm = vec![false; lattice.n_blocks()];
+        for rank in [Rank::Center, Rank::Midpoint] {
+            let pass = Pass { lattice, tolerance, h, rank };
+            pass.find_calm(layer, rule, &mut calm);
+            let to_trace = pass.predict(layer, rule, &calm);
+            settle(layer, to_trace, h)?;
         }
         h /= 2;
     }
     Ok(())
 }
 
-#[inline]
-fn decide<T: Value>(
-    lattice: &Lattice,
-    layer: &Layer<T>,
-    i: usize,
-    (h, rank): (u32, Rank),
-    gain: f32,
-    rule: &impl Rule<T>,
+/// The prediction of all pixels of a rank.
+#[derive(Clone, Copy)]
+struct Pass<'x> {
+    lattice: &'x Lattice,
     tolerance: Tolerance,
-) -> Decision<T> {
-    if 2 * h > rule.spacing(i) {
-        return Decision::Trace(Reason::Lattice);
+    h: u32,
+    rank: Rank,
+}
+
+/// What a row has of a rank: pixels `step` apart.
+struct Row<T> {
+    first: u32,
+    step: u32,
+    predicted: Vec<Option<T>>,
+    to_trace: Vec<(Pixel, Reason)>,
+}
+
+impl Pass<'_> {
+    /// Finds the blocks without structure: for centers among all, for midpoints among those of the centers.
+    fn find_calm<T: Value>(self, layer: &Layer<T>, rule: &impl Rule<T>, calm: &mut [bool]) {
+        let Self { lattice, tolerance, h, rank } = self;
+        calm.par_iter_mut().with_min_len(64).enumerate().for_each(|(i, calm)| {
+            let block = lattice.block(i);
+            *calm = match rank {
+                Rank::Center => is_calm(lattice, layer, rule, tolerance, h, block),
+                Rank::Midpoint => *calm && !sees_traced_center(lattice, layer, h, block),
+            };
+        });
     }
-    let width = lattice.size().width as i64;
-    let mask = lattice.mask(i);
-    let mut predictions = [T::default(); 2];
-    let mut n = 0;
-    let (mut error, mut span) = (0.0_f32, 0.0_f32);
-    for (line, (dx, dy)) in lines(rank).into_iter().enumerate() {
-        let mask = mask >> (4 * line);
-        if mask & NEAR != NEAR {
-            continue;
-        }
-        let at = |steps: i64| {
-            layer.values[(i as i64 + steps * i64::from(h) * (dx + dy * width)) as usize]
+
+    /// Predicts the pixels that can be predicted. The others are to be traced.
+    fn predict<T: Value>(
+        self,
+        layer: &mut Layer<T>,
+        rule: &impl Rule<T>,
+        calm: &[bool],
+    ) -> Vec<(Pixel, Reason)> {
+        let ImageSize { width, height } = self.lattice.size();
+        let (h, this) = (self.h as usize, &*layer);
+        let rows: Vec<Row<T>> =
+            (0..height).into_par_iter().step_by(h).map(|y| self.row(this, rule, y, calm)).collect();
+        let apart = width as usize * h;
+        let values = layer.values.par_chunks_mut(apart).zip(layer.levels.par_chunks_mut(apart));
+        values.zip(&rows).for_each(|((values, levels), row)| {
+            let places = (row.first as usize..).step_by(row.step as usize);
+            for (x, predicted) in places.zip(&row.predicted) {
+                if let Some(value) = *predicted {
+                    (values[x], levels[x]) = (value, h.trailing_zeros() as u8);
+                }
+            }
+        });
+        rows.into_iter().flat_map(|row| row.to_trace).collect()
+    }
+
+    fn row<T: Value>(self, layer: &Layer<T>, rule: &impl Rule<T>, y: u32, calm: &[bool]) -> Row<T> {
+        let Self { lattice, h, rank, .. } = self;
+        let width = lattice.size().width;
+        // In a row of odd multiples of the step lie centers and midpoints, in one of even multiples midpoints.
+        let (first, step) = match (rank, y & h != 0) {
+            (Rank::Center, true) | (Rank::Midpoint, false) => (h, 2 * h),
+            (Rank::Center, false) => (width, 2 * h),
+            (Rank::Midpoint, true) => (0, 2 * h),
         };
-        let (a, b) = (at(-1), at(1));
-        let linear = (a + b) * 0.5;
-        let cubic = match (mask & FAR_BEFORE != 0, mask & FAR_AFTER != 0) {
-            (true, true) => (a + b) * (9.0 / 16.0) - (at(-3) + at(3)) * (1.0 / 16.0),
-            (true, false) => a * (6.0 / 8.0) + b * (3.0 / 8.0) - at(-3) * (1.0 / 8.0),
-            (false, true) => b * (6.0 / 8.0) + a * (3.0 / 8.0) - at(3) * (1.0 / 8.0),
-            (false, false) => linear,
-        };
-        error = error.max((cubic - linear).size());
-        span = span.max((a - b).size());
-        predictions[n] = cubic;
-        n += 1;
-    }
-    let predicted = match n {
-        0 => return Decision::Trace(Reason::NoNeighbours),
-        1 => predictions[0],
-        _ => {
-            error = error.max((predictions[0] - predictions[1]).size());
-            (predictions[0] + predictions[1]) * 0.5
+        let calm = &calm[lattice.blocks_of_row(y)];
+        let mut predicted =
+            Vec::with_capacity((width.saturating_sub(first)).div_ceil(step) as usize);
+        let mut to_trace = Vec::new();
+        for x in (first..width).step_by(step as usize) {
+            debug_assert_eq!(rank_of(x, y), (h, rank));
+            let pixel = Pixel { x, y };
+            let i = lattice.size().index(pixel);
+            let mut value = None;
+            if lattice.has_site(i) && !layer.is_traced(i) {
+                let gain = rule.gain(i);
+                if gain > 0.0 {
+                    value = if calm[(x / BLOCK) as usize] {
+                        Some(self.even(layer, i))
+                    } else {
+                        match self.decide(layer, rule, pixel, gain) {
+                            Decision::Take(value) => Some(value),
+                            Decision::Trace(reason) => {
+                                to_trace.push((pixel, reason));
+                                None
+                            }
+                        }
+                    };
+                }
+            }
+            predicted.push(value);
         }
-    };
-    let predicted = predicted.sound();
-    let limit = rule.reference(i, predicted);
-    if gain * error > tolerance.error * limit {
-        Decision::Trace(Reason::Error)
-    } else if gain * span > tolerance.edge * limit {
-        Decision::Trace(Reason::Edge)
-    } else {
-        Decision::Take(predicted)
+        Row { first, step, predicted, to_trace }
     }
+
+    /// The prediction for a pixel that has all its neighbours, without tests.
+    #[inline]
+    fn even<T: Value>(self, layer: &Layer<T>, i: usize) -> T {
+        let [first, second] = lines(self.rank).map(|direction| {
+            let at = |steps| layer.values[self.neighbour(i, direction, steps)];
+            cubic(at(-3), at(-1), at(1), at(3))
+        });
+        ((first + second) * 0.5).sound()
+    }
+
+    /// The pixel that lies so many steps away on a line.
+    #[inline]
+    fn neighbour(self, i: usize, (dx, dy): (i64, i64), steps: i64) -> usize {
+        let width = i64::from(self.lattice.size().width);
+        (i as i64 + steps * i64::from(self.h) * (dx + dy * width)) as usize
+    }
+
+    #[inline]
+    fn decide<T: Value>(
+        self,
+        layer: &Layer<T>,
+        rule: &impl Rule<T>,
+        pixel: Pixel,
+        gain: f32,
+    ) -> Decision<T> {
+        let Self { lattice, tolerance, h, rank } = self;
+        if 2 * h > rule.spacing(pixel) {
+            return Decision::Trace(Reason::Lattice);
+        }
+        let i = lattice.size().index(pixel);
+        let mask = lattice.mask(i);
+        let mut predictions = [T::default(); 2];
+        let mut n = 0;
+        let (mut error, mut span) = (0.0_f32, 0.0_f32);
+        for (line, direction) in lines(rank).into_iter().enumerate() {
+            let mask = mask >> (4 * line);
+            if mask & NEAR != NEAR {
+                continue;
+            }
+            let at = |steps| layer.values[self.neighbour(i, direction, steps)];
+            let (a, b) = (at(-1), at(1));
+            let linear = (a + b) * 0.5;
+            let cubic = match (mask & FAR_BEFORE != 0, mask & FAR_AFTER != 0) {
+                (true, true) => cubic(at(-3), a, b, at(3)),
+                (true, false) => a * (6.0 / 8.0) + b * (3.0 / 8.0) - at(-3) * (1.0 / 8.0),
+                (false, true) => b * (6.0 / 8.0) + a * (3.0 / 8.0) - at(3) * (1.0 / 8.0),
+                (false, false) => linear,
+            };
+            error = error.max((cubic - linear).size());
+            span = span.max((a - b).size());
+            predictions[n] = cubic;
+            n += 1;
+        }
+        let predicted = match n {
+            0 => return Decision::Trace(Reason::NoNeighbours),
+            1 => predictions[0],
+            _ => {
+                error = error.max((predictions[0] - predictions[1]).size());
+                (predictions[0] + predictions[1]) * 0.5
+            }
+        };
+        let predicted = predicted.sound();
+        let limit = rule.reference(i, predicted);
+        if gain * error > tolerance.error * limit {
+            Decision::Trace(Reason::Error)
+        } else if gain * span > tolerance.edge * limit {
+            Decision::Trace(Reason::Edge)
+        } else {
+            Decision::Take(predicted)
+        }
+    }
+}
+
+/// The value in the middle of four that lie evenly on a line.
+#[inline]
+fn cubic<T: Value>(before: T, a: T, b: T, after: T) -> T {
+    (a + b) * (9.0 / 16.0) - (before + after) * (1.0 / 16.0)
 }

@@ -67,7 +67,7 @@ impl Caustic {
                     self.direct.luminance(index) + self.indirect.irradiance(index).luminance();
                 self.indirect.floor() + (others + predicted.luminance()) * self.view.gain(index)
             }
-            fn spacing(&self, _: usize) -> u32 {
+            fn spacing(&self, _: Pixel) -> u32 {
                 COARSEST
             }
         }

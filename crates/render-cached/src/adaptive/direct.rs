@@ -1,6 +1,6 @@
 //! Direct light: unshadowed irradiance in closed form, times cached visibility, verified by rays.
 
-use base::{Component, Interrupted, Pixel, Rgb};
+use base::{Component, ImageSize, Interrupted, Pixel, Rgb};
 use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance, refine};
 
 use super::indirect::Indirect;
@@ -169,8 +169,9 @@ impl Direct {
         account: &mut Account<'_, '_>,
     ) -> Result<(), Interrupted> {
         // What is known of the light that isn't this light's.
-        let mut known: Vec<f32> =
-            (0..self.luminance.len()).map(|i| indirect.ambient(view, i)).collect();
+        let ImageSize { width, height } = view.size();
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| Pixel { x, y }));
+        let mut known: Vec<f32> = pixels.map(|p| indirect.ambient(view, p)).collect();
         let shader = account.frame.shader();
         for CachedLight { light, unshadowed, visibility, source } in &mut self.lights {
             // A single ray tells all of a point's visibility: nothing is cheaper.
@@ -240,7 +241,7 @@ impl Rule<f32> for LightRule<'_> {
         let irradiance = self.known[index] + self.unshadowed[index].luminance() * predicted;
         self.floor + irradiance * self.view.gain(index)
     }
-    fn spacing(&self, _: usize) -> u32 {
+    fn spacing(&self, _: Pixel) -> u32 {
         self.coarsest
     }
 }
@@ -260,7 +261,7 @@ impl Rule<Rgb> for RestRule<'_> {
         let irradiance = self.known[index] + (self.unshadowed[index] * predicted).luminance();
         self.floor + irradiance * self.view.gain(index)
     }
-    fn spacing(&self, _: usize) -> u32 {
+    fn spacing(&self, _: Pixel) -> u32 {
         COARSEST
     }
 }
@@ -282,9 +283,9 @@ fn unshadowed(
             1.0
         }
         fn reference(&self, index: usize, predicted: Rgb) -> f32 {
-            self.indirect.ambient(self.view, index) + predicted.luminance()
+            self.indirect.ambient(self.view, self.view.size().pixel(index)) + predicted.luminance()
         }
-        fn spacing(&self, _: usize) -> u32 {
+        fn spacing(&self, _: Pixel) -> u32 {
             UNSHADOWED_COARSEST
         }
     }

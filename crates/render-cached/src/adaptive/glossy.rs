@@ -203,7 +203,7 @@ impl Rule<Rgb> for GlossyRule<'_> {
     fn reference(&self, index: usize, predicted: Rgb) -> f32 {
         self.floor + self.known[index] + (self.tint[index] * predicted).luminance()
     }
-    fn spacing(&self, _: usize) -> u32 {
+    fn spacing(&self, _: Pixel) -> u32 {
         COARSEST
     }
 }

@@ -49,53 +49,63 @@ impl HeldOut {
         })?;
         Ok(Self { pixels, truth })
     }
-}
 
-/// Compares what the cache has made of them.
-pub(crate) fn measure(
-    args: &Args,
-    size: ImageSize,
-    HeldOut { pixels, truth }: &HeldOut,
-    composed: &dyn Fn(usize) -> Components<Rgb>,
-    is_glossy: &dyn Fn(usize) -> bool,
-) -> Report {
-    let mut errors = Vec::with_capacity(pixels.len());
-    let mut blame = Components::<f64>::default();
-    let mut blame_of_glossy = 0.0;
-    for (&pixel, truth) in pixels.iter().zip(truth) {
-        let &Some((truth, emitted)) = truth else {
-            errors.push(0.0);
-            continue;
-        };
-        let ours = composed(size.index(pixel));
-        let sum = |c: &Components<Rgb>| Component::ALL.into_iter().fold(emitted, |s, k| s + c[k]);
-        errors.push(film::flip_of_colors(sum(&ours), sum(&truth), args.exposure));
-        for component in Component::ALL {
-            let mut one = truth;
-            one[component] = ours[component];
-            let error = f64::from(film::flip_of_colors(sum(&one), sum(&truth), args.exposure));
-            blame[component] += error;
-            if component == Component::Specular && is_glossy(size.index(pixel)) {
-                blame_of_glossy += error;
+    /// Compares what the cache has made of them: the components at a pixel, given the true specular radiance, or nothing
+    /// where they aren't known yet. Such pixels count as the others do in the mean.
+    pub(crate) fn measure(
+        &self,
+        args: &Args,
+        size: ImageSize,
+        composed: impl Fn(usize, Rgb) -> Option<Components<Rgb>>,
+        is_glossy: impl Fn(usize) -> bool,
+    ) -> Report {
+        let Self { pixels, truth } = self;
+        let mut errors = Vec::with_capacity(pixels.len());
+        let mut blame = Components::<f64>::default();
+        let mut blame_of_glossy = 0.0;
+        let (mut n_empty, mut n_unknown) = (0, 0);
+        for (&pixel, truth) in pixels.iter().zip(truth) {
+            let &Some((truth, emitted)) = truth else {
+                n_empty += 1;
+                continue;
+            };
+            let Some(ours) = composed(size.index(pixel), truth.specular) else {
+                n_unknown += 1;
+                continue;
+            };
+            let sum =
+                |c: &Components<Rgb>| Component::ALL.into_iter().fold(emitted, |s, k| s + c[k]);
+            errors.push(film::flip_of_colors(sum(&ours), sum(&truth), args.exposure));
+            for component in Component::ALL {
+                let mut one = truth;
+                one[component] = ours[component];
+                let error = f64::from(film::flip_of_colors(sum(&one), sum(&truth), args.exposure));
+                blame[component] += error;
+                if component == Component::Specular && is_glossy(size.index(pixel)) {
+                    blame_of_glossy += error;
+                }
             }
         }
+        let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / errors.len().max(1) as f64;
+        let shown = (errors.len() + n_unknown) as f64 / pixels.len().max(1) as f64;
+        let mean = mean * shown * (1.0 - FILTERED_AWAY);
+        errors.resize(errors.len() + n_empty, 0.0);
+        errors.sort_unstable_by(f32::total_cmp);
+        let p995 = errors.get(errors.len() * 995 / 1000).copied().unwrap_or(0.0);
+        let worst = Component::ALL
+            .into_iter()
+            .max_by(|a, b| blame[*a].total_cmp(&blame[*b]))
+            .unwrap_or(Component::Direct);
+        let estimate = ErrorReport {
+            target: args.error,
+            measured_mean: mean,
+            measured_p995: f64::from(p995),
+            held_out_pixels: pixels.len() as u64,
+        };
+        let glossy_is_worst =
+            worst == Component::Specular && blame_of_glossy > 0.5 * blame.specular;
+        Report { estimate, worst, glossy_is_worst }
     }
-    let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / errors.len().max(1) as f64;
-    let mean = mean * (1.0 - FILTERED_AWAY);
-    errors.sort_unstable_by(f32::total_cmp);
-    let p995 = errors.get(errors.len() * 995 / 1000).copied().unwrap_or(0.0);
-    let worst = Component::ALL
-        .into_iter()
-        .max_by(|a, b| blame[*a].total_cmp(&blame[*b]))
-        .unwrap_or(Component::Direct);
-    let estimate = ErrorReport {
-        target: args.error,
-        measured_mean: mean,
-        measured_p995: f64::from(p995),
-        held_out_pixels: pixels.len() as u64,
-    };
-    let glossy_is_worst = worst == Component::Specular && blame_of_glossy > 0.5 * blame.specular;
-    Report { estimate, worst, glossy_is_worst }
 }
 
 fn choose(size: ImageSize, supersample: u32, seed: u64) -> Vec<Pixel> {

@@ -72,12 +72,12 @@ impl Indirect {
             layer.values[i] = irradiance;
             layer.reasons[i] = reason;
             layer.levels[i] = COARSEST.trailing_zeros() as u8;
-            reach[view.cell(i)] = radius;
+            reach[view.cell(pixel)] = radius;
             n_nearby += u32::from(reason == Reason::Nearby);
             if let Some(site) = &view.sites[pixel] {
-                radius_of_cell[view.cell(i)] = radius / view.footprint(site);
+                radius_of_cell[view.cell(pixel)] = radius / view.footprint(site);
             }
-            ambient[view.cell(i)] = irradiance.luminance();
+            ambient[view.cell(pixel)] = irradiance.luminance();
             sum += f64::from(irradiance.luminance() * view.gain(i));
         }
         let n = pixels.len().max(1) as f32;
@@ -94,7 +94,7 @@ impl Indirect {
     pub(crate) fn records(&self, view: &View) -> Records<Rgb> {
         self.source.with(&self.layer, |i| {
             let surface = view.sites.values()[i]?;
-            let reach = match self.reach[view.cell(i)] {
+            let reach = match self.reach[view.cell(view.size().pixel(i))] {
                 0.0 => COARSEST as f32 * view.footprint(&surface),
                 reach => reach,
             };
@@ -103,8 +103,8 @@ impl Indirect {
     }
 
     /// A guess of the luminance of what isn't direct light at a pixel, for white albedo and times pi.
-    pub(crate) fn ambient(&self, view: &View, index: usize) -> f32 {
-        0.5 * self.ambient[view.cell(index)]
+    pub(crate) fn ambient(&self, view: &View, pixel: Pixel) -> f32 {
+        0.5 * self.ambient[view.cell(pixel)]
     }
 
     /// Radiance below which errors don't show.
@@ -132,9 +132,9 @@ impl Indirect {
         self.share = math::pow(error / noise.max(1e-6), 1.0 / 1.1).min(2.0);
     }
 
-    /// Brings samples closer together, for an error that is too large by `factor`.
+    /// Brings samples closer together, for an error of all light that is too large by `factor`. Some of it isn't of theirs.
     pub(crate) fn tighten(&mut self, factor: f32) {
-        self.share /= math::pow(factor, 1.0 / 1.1);
+        self.share /= math::pow(factor, 1.5 / 1.1);
     }
 
     pub(crate) fn refine(
@@ -159,10 +159,10 @@ impl Indirect {
                 self.floor
                     + (self.direct.luminance(index) + predicted.luminance()) * self.view.gain(index)
             }
-            fn spacing(&self, index: usize) -> u32 {
-                let cell = self.view.cell(index);
+            fn spacing(&self, pixel: Pixel) -> u32 {
+                let cell = self.view.cell(pixel);
                 // Powers of two are far apart: cells take turns at the two around the spacing that is wanted.
-                let wanted = self.radius[cell] * self.share * self.view.dither(index);
+                let wanted = self.radius[cell] * self.share * self.view.dither(pixel);
                 1 << (wanted.clamp(1.0, COARSEST as f32) as u32).ilog2()
             }
         }

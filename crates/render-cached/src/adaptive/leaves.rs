@@ -30,6 +30,9 @@ const COARSEST: u32 = 8;
 /// Paths seen in fewer pixels are traced.
 const FEWEST: usize = 64;
 
+/// Other ends may be farther away than neighbors on a lattice, and must agree the better: to this part of the tolerance.
+const FROM_AFAR: f32 = 0.5;
+
 /// Pixels whose chains are followed together.
 const TOGETHER: usize = 16;
 
@@ -251,20 +254,36 @@ impl Leaves {
 
 /// Leaves by path, those of a path in the order in which they come.
 fn by_path<'l>(leaves: impl Iterator<Item = &'l Leaf> + Clone) -> Vec<Leaf> {
-    let mut places = BTreeMap::<u64, usize>::new();
-    leaves.clone().for_each(|leaf| *places.entry(leaf.path).or_default() += 1);
-    // From the numbers of leaves to where the first of a path goes.
-    let mut n = 0;
-    for place in places.values_mut() {
-        n += std::mem::replace(place, n);
-    }
-    let Some(any) = leaves.clone().next() else { return Vec::new() };
-    let mut sorted = vec![*any; n];
-    for leaf in leaves {
-        if let Some(place) = places.get_mut(&leaf.path) {
-            sorted[*place] = *leaf;
-            *place += 1;
+    let Some(&any) = leaves.clone().next() else { return Vec::new() };
+    // Paths get numbers in the order in which they come; neighbors often share theirs.
+    let (mut numbers, mut counts) = (BTreeMap::new(), Vec::new());
+    let mut last = (any.path, 0);
+    numbers.insert(any.path, 0);
+    counts.push(0);
+    let mut of_leaves = Vec::new();
+    for path in leaves.clone().map(|leaf| leaf.path) {
+        if path != last.0 {
+            let number = *numbers.entry(path).or_insert(counts.len());
+            if number == counts.len() {
+                counts.push(0);
+            }
+            last = (path, number);
         }
+        counts[last.1] += 1;
+        of_leaves.push(last.1 as u32);
+    }
+    // From the numbers of leaves to where the first of a path goes.
+    let mut places = vec![0; counts.len()];
+    let mut n = 0;
+    for &number in numbers.values() {
+        places[number] = n;
+        n += counts[number];
+    }
+    let mut sorted = vec![any; n];
+    for (&leaf, number) in leaves.zip(of_leaves) {
+        let place = &mut places[number as usize];
+        sorted[*place] = leaf;
+        *place += 1;
     }
     sorted
 }
@@ -289,7 +308,10 @@ pub(super) fn look_up(site: &SurfacePoint, view: &View, finished: &Finished) -> 
     }
     let (x, y) = (low.x as u32, low.y as u32);
     let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| Pixel { x: x + dx, y: y + dy });
-    if !corners.iter().all(|&c| view.sites[c].as_ref().is_some_and(|s| same_surface(s, site))) {
+    // Where pixels share a surface with all around them, one stands for its neighbors.
+    let asked = if view.lattice.has_no_edge_around(corners[0]) { 1 } else { 4 };
+    let is_shown = |&c: &Pixel| view.sites[c].as_ref().is_some_and(|s| same_surface(s, site));
+    if !corners[..asked].iter().all(is_shown) {
         return None;
     }
     let f = at - low;
@@ -382,8 +404,10 @@ impl Ends<'_> {
         let Self { leaves, source, around } = self;
         let frame = account.frame;
         let places: Vec<_> = wanted.iter().map(|&leaf| (leaf as u32, leaves[leaf].site)).collect();
+        let Tolerance { error, edge } = tolerance;
+        let from_afar = Tolerance { error: FROM_AFAR * error, edge: FROM_AFAR * edge };
         let is_good = |n: usize, near: &Nearby<Rgb>| {
-            near.is_within(wanted[n], f32::INFINITY, rule, tolerance)
+            near.is_within(wanted[n], f32::INFINITY, rule, from_afar)
         };
         around.fill(account, &places, is_good, |account, missing| {
             let take = |&n: &usize| {
@@ -418,7 +442,7 @@ impl Rule<Rgb> for LeafRule<'_> {
         let leaf = &self.leaves[index];
         self.floor + self.known[leaf.pixel as usize] + (leaf.weight * predicted).luminance()
     }
-    fn spacing(&self, _: usize) -> u32 {
+    fn spacing(&self, _: Pixel) -> u32 {
         COARSEST
     }
 }
@@ -442,7 +466,7 @@ impl Rule<Rgb> for ImageRule<'_> {
     fn reference(&self, index: usize, predicted: Rgb) -> f32 {
         self.rule.reference(self.leaf(index), predicted)
     }
-    fn spacing(&self, _: usize) -> u32 {
+    fn spacing(&self, _: Pixel) -> u32 {
         COARSEST
     }
 }

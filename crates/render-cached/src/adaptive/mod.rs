@@ -12,12 +12,14 @@ mod glossy;
 mod holdout;
 mod indirect;
 mod leaves;
+mod primary;
 mod records;
+mod strictness;
 mod view;
 mod whole;
 
 use base::{Component, Components, Grid, Inventory, Rgb, math::FRAC_1_PI};
-use cache_map::{Layer, Reason, RecordSet, Tolerance};
+use cache_map::{Layer, Reason, RecordSet};
 use cli::Clock;
 use rayon::prelude::*;
 
@@ -29,16 +31,14 @@ pub(crate) use account::{Account, ErrorReport, origins};
 pub(crate) use view::View;
 
 use holdout::HeldOut;
-use leaves::Finished;
+use primary::Primary;
+use strictness::Strictness;
 
 /// The widest spacing of a lattice, in pixels.
 const COARSEST: u32 = 16;
 
-/// The part of the error that indirect light may make.
-const INDIRECT_SHARE: f32 = 0.8;
-
 /// The error is known to about 15 % from the pixels held out: within this factor, another round isn't worth its time.
-const NEAR_ENOUGH: f64 = 1.1;
+const NEAR_ENOUGH: f64 = 1.08;
 
 /// How often what failed is refined again.
 const MAX_ROUNDS: usize = 4;
@@ -62,87 +62,52 @@ pub(crate) fn render(
         return Ok(rendered);
     }
     let view = View::new(frame);
-    // Tolerances of the embedded pair and of edges, as multiples of the error aimed at. Found on the scenes of this
-    // project; the pixels held out correct them where they don't fit.
-    let mut strictness = Components::from_fn(|_| args.error);
-    let mut glossy_strictness = args.error;
-    let tolerances = |strictness: &Components<f32>| {
-        let times = |component, error: f32, edge: f32| {
-            let error = error * strictness[component];
-            Tolerance { error, edge: error * edge }
-        };
-        // Density estimates have noise that isn't worth following; what is gathered has little.
-        let of_indirect = if frame.shader().is_gathering() { (2.0, 8.0) } else { (4.0, 20.0) };
-        Components {
-            direct: times(Component::Direct, 2.0, 8.0),
-            indirect: times(Component::Indirect, of_indirect.0, of_indirect.1),
-            specular: times(Component::Specular, 4.0, 20.0),
-            caustic: times(Component::Caustic, 2.0, 8.0),
-        }
-    };
-    let mut tolerance = tolerances(&strictness);
-    let mut indirect = indirect::Indirect::start(&view, &saved, tolerance.indirect, &mut account)?;
-    let mut direct = direct::Direct::start(&view, &indirect, &saved, args.error, &mut account)?;
-    let mut caustic = caustic::Caustic::start(&view, &saved, &account);
-    let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
-    let mut glossy = glossy::Glossy::start(frame, specular.glossy_pixels());
-
-    direct.refine(&view, &indirect, tolerance.direct, &mut account)?;
-    indirect.aim(&view, &direct, INDIRECT_SHARE * args.error, frame.shader());
-    indirect.refine(&view, &direct, tolerance.indirect, &mut account)?;
-    caustic.refine(&view, &direct, &indirect, tolerance.caustic, &mut account)?;
+    let mut strictness = Strictness::new(args.error, frame.shader().is_gathering());
+    let mut primary = Primary::start(&view, &saved, args.error, &strictness, &mut account)?;
     let held_out = HeldOut::compute(args, &mut account)?;
     let target = f64::from(args.error);
-    let n = frame.size().n_pixels();
+    let too_large_by = |error: &ErrorReport| (error.measured_mean / target) as f32;
+    // Chains end on what the eye sees, so that comes first; what they show is wrong by as much.
+    for round in 0.. {
+        let shown = |i: usize, specular: Rgb| {
+            view.sites.values()[i].map(|_| primary.radiance(&view, i, specular))
+        };
+        let report = held_out.measure(args, frame.size(), shown, |_| false);
+        if report.estimate.measured_mean <= target || round == MAX_ROUNDS {
+            break;
+        }
+        let factor = too_large_by(&report.estimate);
+        strictness.tighten(&report, factor);
+        primary.improve(report.worst, &view, factor, &strictness, &mut account)?;
+    }
+    let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
+    let mut glossy = glossy::Glossy::start(frame, specular.glossy_pixels());
     let mut round = 0;
     let mut view_is_better = false;
     let error = loop {
-        let finished = Finished::new(&direct, &indirect, &caustic, n);
-        specular.resolve(&view, &finished, tolerance.specular, &mut account)?;
-        let of_glossy =
-            Tolerance { error: 4.0 * glossy_strictness, edge: 20.0 * glossy_strictness };
+        let finished = primary.finished(&view);
+        let of_specular = strictness.tolerance(Component::Specular);
+        specular.resolve(&view, &finished, of_specular, &mut account)?;
         let sharp = |i: usize| specular.radiance(i);
-        glossy.resolve(&view, &finished, sharp, of_glossy, &mut account)?;
-        let compose = |i: usize| {
-            let [d, n, c] = [direct.irradiance(i), indirect.irradiance(i), caustic.irradiance(i)];
-            let albedo = view.albedo(i) * FRAC_1_PI;
-            Components {
-                direct: albedo * d,
-                indirect: albedo * n,
-                caustic: albedo * c,
-                specular: specular.radiance(i) + glossy.radiance(i),
-            }
+        glossy.resolve(&view, &finished, sharp, strictness.tolerance_of_glossy(), &mut account)?;
+        let shown = |i: usize, _| {
+            Some(primary.radiance(&view, i, specular.radiance(i) + glossy.radiance(i)))
         };
-        let is_glossy = |i: usize| glossy.is_shown_at(i);
-        let report = holdout::measure(args, frame.size(), &held_out, &compose, &is_glossy);
+        let report = held_out.measure(args, frame.size(), shown, |i| glossy.is_shown_at(i));
         round += 1;
         if report.estimate.measured_mean <= NEAR_ENOUGH * target || round == MAX_ROUNDS {
             break report.estimate;
         }
         view_is_better |= report.worst != Component::Specular;
-        if report.glossy_is_worst {
-            glossy_strictness *= 0.5;
-        } else {
-            strictness[report.worst] *= 0.5;
-        }
-        tolerance = tolerances(&strictness);
-        match report.worst {
-            Component::Direct => direct.refine(&view, &indirect, tolerance.direct, &mut account)?,
-            Component::Indirect => {
-                indirect.tighten((report.estimate.measured_mean / target) as f32);
-                indirect.refine(&view, &direct, tolerance.indirect, &mut account)?;
-            }
-            Component::Caustic => {
-                caustic.refine(&view, &direct, &indirect, tolerance.caustic, &mut account)?;
-            }
-            Component::Specular => {}
-        }
+        let factor = too_large_by(&report.estimate);
+        strictness.tighten(&report, factor);
+        primary.improve(report.worst, &view, factor, &strictness, &mut account)?;
     };
 
     if view_is_better {
-        let finished = Finished::new(&direct, &indirect, &caustic, n);
-        glossy.look_up(&view, &finished, &mut account)?;
+        glossy.look_up(&view, &primary.finished(&view), &mut account)?;
     }
+    let Primary { direct, indirect, caustic } = primary;
 
     saved.check_untouched()?;
     if let Some(path) = &args.paper.save_cache {
@@ -158,7 +123,7 @@ pub(crate) fn render(
         records::save(path, args, frame, inputs, &mut set, is_complete)?;
     }
     // One component after the other, each freed when its radiance is there.
-    let size = frame.size();
+    let (size, n) = (frame.size(), frame.size().n_pixels());
     let grid = |radiance: &(dyn Fn(usize) -> Rgb + Sync)| {
         let values = (0..n).into_par_iter().with_min_len(4096).map(radiance).collect();
         Grid::from_values(size, values)

@@ -91,18 +91,16 @@ impl View {
 
     /// A number for the cell of the coarsest lattice in which a pixel lies.
     #[inline]
-    pub(crate) fn cell(&self, index: usize) -> usize {
-        let pixel = self.size.pixel(index);
+    pub(crate) fn cell(&self, pixel: Pixel) -> usize {
         let columns = self.size.width.div_ceil(COARSEST) as usize;
         (pixel.y / COARSEST) as usize * columns + (pixel.x / COARSEST) as usize
     }
 
     /// A factor from 1 to 2 for the cell of a pixel, evenly spread (in octaves) over neighbouring cells.
     #[inline]
-    pub(crate) fn dither(&self, index: usize) -> f32 {
+    pub(crate) fn dither(&self, pixel: Pixel) -> f32 {
         // 2^(1/8), 2^(3/8), 2^(5/8), 2^(7/8), as in a Bayer matrix.
         const FACTORS: [[f32; 2]; 2] = [[1.0905, 1.5422], [1.8340, 1.2968]];
-        let pixel = self.size.pixel(index);
         FACTORS[(pixel.y / COARSEST % 2) as usize][(pixel.x / COARSEST % 2) as usize]
     }
 
