@@ -2,12 +2,12 @@
 
 use base::{Component, Components, Grid, ImageSize, Rgb, Rng, Stream};
 use glam::Vec2;
-use photon_map::{Metadata, PhotonMaps, PhotonSet, StoredPhoton};
+use photon_map::{Metadata, PhotonMaps, PhotonSet};
 use photon_trace::{Budget, Config, Traced};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rayon::slice::ParallelSlice;
 use scene::Scene;
-use shade::{GatherPhotons, IrradianceAhead, PixelStream, Settings, Shader, Work};
+use shade::{GatherPhotons, GatherPlace, IrradianceAhead, PixelStream, Settings, Shader, Work};
 
 /// A picture by terms of Eq. (8).
 #[derive(Debug)]
@@ -51,13 +51,13 @@ pub(crate) fn gathering<'a>(
 ) -> Shader<'a> {
     let photons = GatherPhotons::of(maps, &settings.indirect).unwrap();
     let shader = Shader::new(scene, maps, settings);
-    let places = photons.places();
-    let chunk = |places: &[StoredPhoton]| -> Vec<IrradianceAhead> {
+    let places = photons.places(settings.seed);
+    let chunk = |places: &[GatherPlace]| -> Vec<IrradianceAhead> {
         let mut work = Work::default();
         places.iter().map(|place| shader.irradiance_ahead(&photons, place, &mut work)).collect()
     };
     let irradiance = places.par_chunks(512).map(chunk).collect::<Vec<_>>().concat();
-    shader.gathering(rays, photons, &places, &irradiance)
+    shader.gathering(rays, photons, &irradiance)
 }
 
 fn traced(scene: &Scene, n_photons: u64, seed: u64, store_direct: bool) -> Traced {

@@ -378,7 +378,7 @@ fn shader<'a>(
         Some(photons)
             if args.shading.indirect == Indirect::Gather && args.paper.from_layers.is_none() =>
         {
-            let places = photons.places();
+            let places = photons.places(settings.seed);
             let ahead = progress.run("irradiance", places.len(), |watch| {
                 for_each(&places, watch, |place, work| {
                     shader.irradiance_ahead(&photons, place, work)
@@ -386,7 +386,7 @@ fn shader<'a>(
             });
             let (irradiance, counts) = ahead?;
             let rays = args.shading.gather_rays;
-            Ok((shader.gathering(rays, photons, &places, &irradiance), counts))
+            Ok((shader.gathering(rays, photons, &irradiance), counts))
         }
         _ => Ok((shader, Counts::default())),
     }

@@ -14,7 +14,7 @@ use base::math::{FRAC_1_PI, PI};
 use base::{OwenSobol, Ray, Rgb, Rng, Stream, hash_u64, warp};
 use geometry::Surface;
 use glam::{Vec2, Vec3A};
-use photon_map::{Estimate, StoredPhoton};
+use photon_map::Estimate;
 
 use crate::irradiance_points::{GatherPhotons, IrradianceAhead, IrradiancePoints};
 use crate::spots::Spots;
@@ -41,18 +41,16 @@ pub(crate) struct Gathering<'a> {
 }
 
 impl<'a> Shader<'a> {
-    /// Indirect light by final gathering from now on, with so many rays, at least 1. `irradiance` is what
-    /// [`Shader::irradiance_ahead`] has found at the `places` among the photons.
+    /// Indirect light by final gathering from now on, with so many rays, at least 1. `ahead` is what
+    /// [`Shader::irradiance_ahead`] has found at [`GatherPhotons::places`].
     #[must_use]
     pub fn gathering(
         mut self,
         rays: u32,
         photons: GatherPhotons<'a>,
-        places: &[StoredPhoton],
-        irradiance: &[IrradianceAhead],
+        ahead: &[IrradianceAhead],
     ) -> Self {
-        let max_radius = self.settings.indirect.max_radius;
-        let points = IrradiancePoints::new(photons, max_radius, places, irradiance);
+        let points = IrradiancePoints::new(photons, ahead);
         let near = points.near();
         let n_spots = (rays as usize).div_ceil(RAYS_PER_SPOT);
         let spots = Spots::new(&self, &points, n_spots);

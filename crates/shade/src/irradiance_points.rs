@@ -9,14 +9,12 @@
 //! it takes in photons of the patch, which lose nothing by it, and the sum over the shade grows with the logarithm of its extent (Silverman
 //! 1986, section 5.2). Nor do places that lie as densely as photons, since around them the mean is one of the brighter ones.
 
-use std::ops::Mul;
-
-use base::{Photon, PhotonClass, Rgb, encode_octahedral};
+use base::{Frame, Photon, PhotonClass, Ray, Rgb, Rng, Stream, encode_octahedral, math};
 use geometry::{MaterialId, Surface};
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 use photon_map::{Estimate, Gather, PhotonMaps, PhotonSet, Scratch, StoredPhoton};
 
-use crate::{Shader, Work};
+use crate::{Shader, ShadingPoint, Work};
 
 /// Photons in an estimate, in the mean over all photons of a class. A gather averages over hundreds of ends, but neighbors
 /// share them.
@@ -26,13 +24,25 @@ const K: usize = 256;
 const ASKED: usize = 256;
 
 /// One in so many photons is a place where irradiance may be known ahead, ...
-const EVERY: usize = 16;
+const EVERY: usize = 8;
 
 /// ... and one of these in each cell of a grid is such a place. Its side is so many radii of the estimates.
 const SPACING: f32 = 0.7;
 
 /// Ends nearer than so many radii of the estimates are blurred visibly.
 const NEAR: f32 = 2.0;
+
+/// A surface goes on where it rises by less than this to one of nearly the same normal, as for photons: ...
+const MAX_SLOPE: f32 = 0.25;
+
+/// ... within this cosine.
+const MIN_COS_NORMALS: f32 = 0.9;
+
+/// A surface is looked for within so much of the size of a stored position, at least.
+const HEIGHT: f32 = 1e-4;
+
+/// The first of the streams that move photons.
+const MOVES: u64 = 1 << 40;
 
 /// Stored positions are off by so much of their size at most, more or less.
 const ROUNDING: f32 = 1e-6;
@@ -81,24 +91,43 @@ impl<'a> GatherPhotons<'a> {
     }
 
     /// Where irradiance is to be known ahead: evenly over all that is lit, however brightly.
-    pub fn places(&self) -> Vec<StoredPhoton> {
+    ///
+    /// Places are photons moved by as much as an estimate blurs them, so that they lie wherever estimates aren't dark:
+    /// beside a bright patch, too.
+    pub fn places(&self, seed: u64) -> Vec<GatherPlace> {
         let scale = 1.0 / (SPACING * self.blur).max(f32::MIN_POSITIVE);
         let mut found = Vec::new();
-        for (which, (_, set)) in self.all().into_iter().enumerate() {
+        for (which, (class, set)) in self.all().into_iter().enumerate() {
             for i in (0..set.len()).step_by(EVERY) {
                 let StoredPhoton { position, normal, .. } = set.photon(i);
-                let relative = position * scale;
+                let mut rng = Rng::new(seed, Stream::Gather, MOVES + (3 * i + which) as u64);
+                let moved =
+                    position + blurred_by(normal, rng.next_2d()) * self.radii[class as usize];
+                let relative = moved * scale;
                 let corner = relative.floor();
                 let off = (relative - corner - 0.5).length_squared();
                 let cell = corner.to_array().map(|x| x as i32);
-                found.push(((cell, side(normal)), off.to_bits(), which, i as u32));
+                let order = ((cell, side(normal)), off.to_bits(), which, i as u32);
+                found.push((order, moved.to_array()));
             }
         }
         // Of each cell that in the middle: where light and dark meet, any other would rather be one in the light.
-        found.sort_unstable();
-        found.dedup_by_key(|place| place.0);
-        found.iter().map(|&(_, _, set, i)| self.all()[set].1.photon(i as usize)).collect()
+        found.sort_unstable_by_key(|place| place.0);
+        found.dedup_by_key(|place| place.0.0);
+        let place = |&((_, _, set, i), moved): &((_, u32, usize, u32), [f32; 3])| GatherPlace {
+            photon: self.all()[set].1.photon(i as usize),
+            moved: moved.into(),
+        };
+        found.iter().map(place).collect()
     }
+}
+
+/// A photon moved to where irradiance is to be known ahead.
+#[derive(Clone, Copy, Debug)]
+pub struct GatherPlace {
+    photon: StoredPhoton,
+    /// In the plane of the photon. The surface may not go on there.
+    moved: Vec3A,
 }
 
 /// The distance of the `k`-th neighbor, in the mean over photons; the greatest radius where there are too few.
@@ -114,6 +143,13 @@ fn usual_radius(set: &PhotonSet, gather: &Gather) -> f32 {
     if n > 0 { (sum / n as f64) as f32 } else { gather.max_radius }
 }
 
+/// A point of the unit disc around a normal, as often as the kernel of Epanechnikov weighs it: others blur about as far.
+fn blurred_by(normal: Vec3A, u: Vec2) -> Vec3A {
+    let radius = (1.0 - u.x.sqrt()).max(0.0).sqrt();
+    let (sin, cos) = math::sin_cos(2.0 * math::PI * u.y);
+    Frame::new(normal).to_world(Vec3A::new(cos * radius, sin * radius, 0.0))
+}
+
 /// Which of the six sides of a cube a normal points to.
 fn side(normal: Vec3A) -> u8 {
     let axis = normal.abs().max_position() as u8;
@@ -123,6 +159,14 @@ fn side(normal: Vec3A) -> u8 {
 /// Irradiance at a place.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IrradianceAhead {
+    position: Vec3A,
+    normal: Vec3A,
+    irradiance: EndIrradiance,
+}
+
+/// Irradiance where gather rays end.
+#[derive(Clone, Copy, Debug, Default)]
+struct EndIrradiance {
     /// Of all light.
     all: Rgb,
     /// Of what comes by mirrors or glass.
@@ -137,11 +181,40 @@ impl Shader<'_> {
     pub fn irradiance_ahead(
         &self,
         photons: &GatherPhotons<'_>,
-        place: &StoredPhoton,
+        place: &GatherPlace,
         work: &mut Work,
     ) -> IrradianceAhead {
-        let StoredPhoton { position, normal, .. } = *place;
-        let surface = Surface {
+        let surface = self.surface_at(place);
+        let is_left = |i: usize| !i.is_multiple_of(EVERY);
+        let EndIrradiance { all, specular } =
+            self.irradiance_of_photons(photons, &surface, is_left, work);
+        let more = EVERY as f32 / (EVERY - 1) as f32;
+        IrradianceAhead {
+            position: surface.position,
+            normal: surface.geometric_normal,
+            irradiance: EndIrradiance { all: all * more, specular: specular * more },
+        }
+    }
+
+    /// Where the surface of a photon goes on at the place to which it was moved; where it doesn't, or can't be seen from
+    /// there, at the photon.
+    fn surface_at(&self, place: &GatherPlace) -> Surface {
+        let GatherPlace { photon: StoredPhoton { position, normal, .. }, moved } = *place;
+        let way = moved - position;
+        let distance = way.length();
+        let height = (MAX_SLOPE * distance).max(position.abs().max_element() * HEIGHT);
+        let surface = || {
+            let along = Ray::new(position + normal * height, way / distance, distance);
+            if distance > 0.0 && self.arrive(&along).is_some() {
+                return None;
+            }
+            let down = Ray::new(moved + normal * height, -normal, 2.0 * height);
+            let (ShadingPoint { facing, material, .. }, _) = self.arrive(&down)?;
+            let goes_on =
+                material.is_diffuse() && facing.geometric_normal.dot(normal) > MIN_COS_NORMALS;
+            goes_on.then_some(facing)
+        };
+        surface().unwrap_or(Surface {
             position,
             geometric_normal: normal,
             shading_normal: normal,
@@ -149,9 +222,7 @@ impl Shader<'_> {
             object: 0,
             primitive: 0,
             error: position.abs().max_element() * ROUNDING,
-        };
-        self.irradiance_of_photons(photons, &surface, |i| i % EVERY != 0, work)
-            * (EVERY as f32 / (EVERY - 1) as f32)
+        })
     }
 
     /// Irradiance from those of the photons around a point that count, by their number in their set.
@@ -161,7 +232,7 @@ impl Shader<'_> {
         surface: &Surface,
         counts: impl Fn(usize) -> bool,
         work: &mut Work,
-    ) -> IrradianceAhead {
+    ) -> EndIrradiance {
         let Surface { position, geometric_normal, .. } = *surface;
         let kernel = self.settings.indirect.kernel;
         let mut estimate = |class: PhotonClass, set: &PhotonSet| {
@@ -184,15 +255,7 @@ impl Shader<'_> {
         };
         let [direct, caustic, indirect] = photons.all().map(|(class, set)| estimate(class, set));
         let focused = estimate(PhotonClass::Focused, photons.focused);
-        IrradianceAhead { all: direct + caustic + indirect, specular: caustic + focused }
-    }
-}
-
-impl Mul<f32> for IrradianceAhead {
-    type Output = Self;
-
-    fn mul(self, factor: f32) -> Self {
-        Self { all: self.all * factor, specular: self.specular * factor }
+        EndIrradiance { all: direct + caustic + indirect, specular: caustic + focused }
     }
 }
 
@@ -204,34 +267,26 @@ pub(crate) struct IrradiancePoints<'a> {
     points: PhotonSet,
     /// At the same points, in the same order, of what comes by mirrors or glass alone.
     specular: PhotonSet,
-    /// How far a point may be away.
-    max_radius: f32,
     /// Luminance of irradiance, in the mean over the lit area.
     mean: f32,
 }
 
 impl<'a> IrradiancePoints<'a> {
     /// Puts together what is known at places.
-    pub(crate) fn new(
-        photons: GatherPhotons<'a>,
-        max_radius: f32,
-        places: &[StoredPhoton],
-        irradiance: &[IrradianceAhead],
-    ) -> Self {
+    pub(crate) fn new(photons: GatherPhotons<'a>, ahead: &[IrradianceAhead]) -> Self {
         // Places lie evenly.
-        let sum: f64 = irradiance.iter().map(|e| f64::from(e.all.luminance())).sum();
-        let mean = (sum / irradiance.len().max(1) as f64) as f32;
-        let set_of = |value: fn(&IrradianceAhead) -> Rgb| {
-            let photon = |(place, value): (&StoredPhoton, Rgb)| Photon {
+        let sum: f64 = ahead.iter().map(|e| f64::from(e.irradiance.all.luminance())).sum();
+        let mean = (sum / ahead.len().max(1) as f64) as f32;
+        let set_of = |value: fn(&EndIrradiance) -> Rgb| {
+            let photon = |place: &IrradianceAhead| Photon {
                 position: place.position.into(),
                 normal: encode_octahedral(place.normal),
-                flux: value,
+                flux: value(&place.irradiance),
             };
-            let values = irradiance.iter().map(value);
-            PhotonSet::build(&places.iter().zip(values).map(photon).collect::<Vec<_>>())
+            PhotonSet::build(&ahead.iter().map(photon).collect::<Vec<_>>())
         };
         let (points, specular) = (set_of(|e| e.all), set_of(|e| e.specular));
-        Self { photons, points, specular, max_radius, mean }
+        Self { photons, points, specular, mean }
     }
 
     /// The photons from which light is gathered.
@@ -277,8 +332,8 @@ impl<'a> IrradiancePoints<'a> {
         self.mean_around(&self.points, position, normal)
     }
 
-    /// The mean over the points within the radius of an estimate, so that it varies without steps; where there are none,
-    /// the nearest.
+    /// The mean over the points within the radius of an estimate, so that it varies without steps; nothing where there are
+    /// none.
     #[inline(always)]
     fn mean_around(&self, values: &PhotonSet, position: Vec3A, normal: Vec3A) -> Option<Rgb> {
         let blur = self.photons.blur;
@@ -289,19 +344,17 @@ impl<'a> IrradiancePoints<'a> {
             sum += values.flux_of(i) * weight;
             weights += weight;
         });
-        if weights > 0.0 {
-            return Some(sum / weights);
-        }
-        self.points.nearest_one(position, normal, self.max_radius).map(|i| values.flux_of(i))
+        (weights > 0.0).then(|| sum / weights)
     }
 
-    /// Irradiance on a surface so small that no point lies on it.
+    /// Irradiance where no point is near: on small things, and where hardly any light falls. The nearest point would rather
+    /// be one in the light.
     fn estimate_alone(
         &self,
         shader: &Shader<'_>,
         surface: &Surface,
         work: &mut Work,
-    ) -> IrradianceAhead {
+    ) -> EndIrradiance {
         shader.irradiance_of_photons(&self.photons, surface, |_| true, work)
     }
 }

@@ -19,7 +19,7 @@ mod spots;
 mod work;
 
 pub use chain::ChainLeaf;
-pub use irradiance_points::{GatherPhotons, IrradianceAhead};
+pub use irradiance_points::{GatherPhotons, GatherPlace, IrradianceAhead};
 pub use point::{PixelStream, ShadingPoint};
 pub use shader::{Settings, Shader};
 pub use work::{Counts, Work};
