@@ -109,6 +109,24 @@ pub(crate) fn rays(scene: &Scene, order: Order) -> Vec<Ray> {
     points.iter().map(bounce).collect()
 }
 
+/// The same rays, those that start close by and go the same way one after the other: by the octant of the direction, then by
+/// where they start along a curve that fills the bounds, 32 cells a side.
+pub(crate) fn sorted(scene: &Scene, rays: &[Ray]) -> Vec<Ray> {
+    const CELLS: f32 = 32.0;
+    let bounds = scene.bounds();
+    let (min, extent) = (Vec3A::from(bounds.min), Vec3A::from(bounds.max - bounds.min));
+    let spread = |v: u32| (0..5).fold(0, |sum, bit| sum | (v >> bit & 1) << (3 * bit));
+    let key = |ray: &Ray| {
+        let cell =
+            ((ray.origin() - min) / extent * CELLS).clamp(Vec3A::ZERO, Vec3A::splat(CELLS - 1.0));
+        let [x, y, z] = cell.to_array().map(|v| spread(v as u32));
+        ray.dir().is_negative_bitmask() << 15 | z << 2 | y << 1 | x
+    };
+    let mut keyed: Vec<(u32, u32)> = rays.iter().map(key).zip(0..).collect();
+    keyed.sort_unstable();
+    keyed.into_iter().map(|(_, i)| rays[i as usize]).collect()
+}
+
 /// Rays with an end: from what the eye sees to a lamp, or from anywhere that it sees to anywhere else.
 pub(crate) fn occlusion_rays(scene: &Scene, order: Order) -> Vec<Ray> {
     let points = seen(scene, N_RAYS, |_| true);

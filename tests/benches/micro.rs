@@ -33,7 +33,7 @@ use rayon::prelude::*;
 use scene::Scene;
 
 use crate::fields::{
-    Even, Field, N_GATHERS, N_RAYS, Order, Point, SIDE, occlusion_rays, rays, scene,
+    Even, Field, N_GATHERS, N_RAYS, Order, Point, SIDE, occlusion_rays, rays, scene, sorted,
 };
 use crate::outside::Program;
 
@@ -130,6 +130,15 @@ fn bvh(criterion: &mut Criterion) {
             b.iter_custom(|n| embree.ask(&format!("{what} {i} {n}")).1);
         });
     }
+    // What tracing rays by waves could gain, and what is left of it when they have been sorted.
+    let random = rays(&RABBIT, Order::Random);
+    group.bench_function("closest hit, random, sorted before", |b| {
+        let rays = sorted(&RABBIT, &random);
+        b.iter(|| closest(&RABBIT.accel, &rays));
+    });
+    group.bench_function("closest hit, random, with sorting", |b| {
+        b.iter(|| closest(&RABBIT.accel, &sorted(&RABBIT, &random)));
+    });
 }
 
 const N_TRACED: u64 = 100_000;
