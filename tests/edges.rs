@@ -7,7 +7,7 @@ use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet};
 use scene::{Parts, Scene};
 use shade::{Settings, Shader, Work};
 
-use crate::scenes::{add_mesh, cuboid, diffuse, empty, inside_out, quad};
+use crate::scenes::{add_mesh, cuboid, diffuse, empty, inside_out, mirror, quad};
 
 /// Irradiance of all fields of photons.
 const IRRADIANCE: f32 = 3.0;
@@ -120,6 +120,34 @@ fn a_box_that_stands_on_a_floor() {
     add_mesh(&mut parts, base, diffuse(Rgb::ONE));
     let covered = |p: Vec3A| p.x > 0.1 && p.x < 0.48 && p.z > 0.1 && p.z < 0.9;
     assert_even("floor", &parts, Vec3A::Y, covered);
+}
+
+/// A mirror in a frame on the square: no photon of the frame lies where the mirror covers it.
+#[test]
+fn a_mirror_in_a_frame() {
+    let (low, high) = (Vec3::new(0.2, 0.0, 0.2), Vec3::new(0.8, 0.04, 0.8));
+    let (width, top) = (0.04, 0.045);
+    let corner = Vec3::new(low.x + width, top, low.z + width);
+    let side = high.x - low.x - 2.0 * width;
+    let from_middle = |p: Vec3A| (p.x - 0.5).abs().max((p.z - 0.5).abs());
+    let photons = photons_at(Vec3A::Y, |p| match from_middle(p) {
+        d if d < 0.5 * side => None,
+        d if d < 0.5 * side + width => Some(high.y),
+        _ => Some(0.0),
+    });
+    let mut parts = with_mesh(quad(Vec3::ZERO, Vec3::Z, Vec3::X));
+    add_mesh(&mut parts, cuboid(low, high), diffuse(Rgb::ONE));
+    add_mesh(&mut parts, quad(corner, Vec3::Z * side, Vec3::X * side), mirror(1.0));
+    let scene = Scene::assemble(parts);
+    for along in [0.3, 0.5, 0.7] {
+        for off in [0.01, 0.02, 0.03] {
+            let p = Vec3A::new(low.x + off, high.y, along);
+            let found = irradiance(&scene, &photons, Kernel::Epanechnikov, Vec3A::Y, p);
+            println!("{off} off, at {along}: {:+.3}", found / IRRADIANCE - 1.0);
+            let error = (found / IRRADIANCE - 1.0).abs();
+            assert!(error < 0.15, "{found} instead of {IRRADIANCE} at {p}");
+        }
+    }
 }
 
 /// A sheet or a box floats a little above the square, and light from straight above falls on it instead of on what it

@@ -120,6 +120,12 @@ impl Material {
         self.opacity < 1.0 || self.opacity_texture.is_some()
     }
 
+    /// Whether all light that arrives is reflected as by a mirror, or lost.
+    pub(crate) fn is_screen(&self) -> bool {
+        let lets_pass = matches!(self.specular, Specular::Glass { .. } | Specular::Pane { .. });
+        !self.is_diffuse() && !lets_pass && !self.is_masked()
+    }
+
     /// Whether the diffuse part lies under a coat.
     #[inline]
     pub fn is_coated(&self) -> bool {

@@ -42,6 +42,8 @@ pub struct Scene {
     pub accel: Accel,
     /// Where diffuse surfaces end.
     pub creases: Creases,
+    /// Where mirrors and metals end that hide what is behind them, and are hit by no photon that is stored.
+    pub screens: Creases,
     /// Indexed by [`geometry::MaterialId`].
     pub materials: Vec<Material>,
     textures: Vec<Arc<Texture>>,
@@ -73,6 +75,7 @@ impl Scene {
         Self {
             accel: Accel::build(&meshes, &spheres),
             creases: Creases::find(&meshes, |id| materials[id.0 as usize].is_diffuse()),
+            screens: Creases::find(&meshes, |id| materials[id.0 as usize].is_screen()),
             materials,
             textures,
             lights: all_lights,

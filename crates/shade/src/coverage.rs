@@ -7,13 +7,13 @@
 //! several meshes tile comes out whole, and the bottom of a box that stands on a floor hides what it covers. Where the
 //! surface goes on at an angle, the photons beyond count as long as the line to them is flat enough.
 //!
-//! A sheet that floats closely in front, as a rug or a lamp, covers what it hides. Photons that fall on it, or on the surface
+//! A sheet that floats closely in front, as a rug, a lamp or a mirror, covers what it hides. Photons that fall on it, or on the surface
 //! that it floats over, belong to another sheet, though the line to them is flat enough from some distance on: where two
 //! sheets are seen, those count alone that lie nearer to that of the point.
 //!
 //! Surfaces that cut through each other away from their edges aren't seen, and neither are spheres.
 
-use geometry::Surface;
+use geometry::{Crease, Surface};
 use photon_map::{Estimate, Gather, Kernel, PhotonSet};
 
 use crate::{Shader, Work};
@@ -92,54 +92,40 @@ impl Shader<'_> {
 
     /// What lies around a point, as far as a kernel reaches. What rises by less than `height` belongs to its surface.
     fn around(&self, surface: &Surface, radius: f32, kernel: Kernel, height: f32) -> Around {
-        let scale = 1.0 / radius;
         // By which side the triangles show: that of the point, or the other.
         let (mut hidden, mut hidden_behind) = (0.0, 0.0);
         // The same of sheets in front.
         let (mut covered, mut covered_behind) = (0.0, 0.0);
+        let mut cover = |seen: &Seen| {
+            // One that floats higher shades less closely.
+            let closeness = (2.0 - 2.0 * seen.rise / (MAX_SINE_HEIGHT * radius)).min(1.0);
+            if seen.rise > 0.0 {
+                *(if seen.cos > 0.0 { &mut covered } else { &mut covered_behind }) +=
+                    seen.part * closeness;
+            }
+        };
         let mut next_sheet = f32::INFINITY;
         let mut n_creases = 0;
         self.scene.creases.near(surface.position, radius, |crease| {
             n_creases += 1;
-            let cos = crease.normal.dot(surface.geometric_normal);
-            let from = crease.from - surface.position;
-            let h = -from.dot(crease.inward);
-            if cos.abs() <= MIN_COS_NORMALS || h.abs() >= radius {
+            let Some(seen) = see(crease, surface, radius, kernel) else {
                 return n_creases < MAX_CREASES;
-            }
-            let edge = crease.to - crease.from;
-            let length = edge.length();
-            let along = edge / length;
-            let start = from.dot(along);
-            let nearest = from + along * (-start).clamp(0.0, length);
-            let rise = nearest.dot(surface.geometric_normal);
-            let distance = nearest.length();
-            // Where the point itself lies on the edge, both are rounding errors.
-            let slack = 4.0 * surface.error;
-            // Beyond a line at distance s on a surface that turns away, photons up to distance t rise by less than the
-            // limit if (t - s) * turn < limit * t: as if the line were farther away.
-            let part = || {
-                let scale = scale / (1.0 - MAX_SINE_HEIGHT / crease.turn);
-                let part = kernel.hidden(h.abs() * scale, start * scale, (start + length) * scale);
-                if h >= -slack { part } else { -part }
             };
-            let sine_of_turn = crease.normal.cross(surface.geometric_normal).length();
-            let is_sheet = rise.abs() > LEAST_HEIGHT * radius
-                && rise.abs() < MAX_SINE_HEIGHT * radius
-                && crease.turn.is_infinite()
-                && sine_of_turn * distance < MAX_TURN * rise.abs();
+            let Seen { part, cos, rise, distance, is_sheet } = seen;
             if is_sheet {
                 if distance < radius {
                     next_sheet = rise.abs().min(next_sheet);
                 }
-                // One that floats higher shades less closely.
-                let closeness = (2.0 - 2.0 * rise / (MAX_SINE_HEIGHT * radius)).min(1.0);
-                if rise > 0.0 {
-                    *(if cos > 0.0 { &mut covered } else { &mut covered_behind }) +=
-                        part() * closeness;
-                }
-            } else if rise.abs() <= (MAX_SINE_HEIGHT * distance).min(height) + slack {
-                *(if cos > 0.0 { &mut hidden } else { &mut hidden_behind }) += part();
+                cover(&seen);
+            } else if rise.abs() <= (MAX_SINE_HEIGHT * distance).min(height) + slack(surface) {
+                *(if cos > 0.0 { &mut hidden } else { &mut hidden_behind }) += part;
+            }
+            n_creases < MAX_CREASES
+        });
+        self.scene.screens.near(surface.position, radius, |crease| {
+            n_creases += 1;
+            if let Some(seen) = see(crease, surface, radius, kernel).filter(|seen| seen.is_sheet) {
+                cover(&seen);
             }
             n_creases < MAX_CREASES
         });
@@ -157,4 +143,51 @@ impl Shader<'_> {
         let covering = (others.min(0.0) + covered_behind).min(covered).min(0.0);
         Around { coverage: (1.0 - own + covering).clamp(LEAST, 1.0), height: 0.5 * next_sheet }
     }
+}
+
+/// A crease, as a point sees it whose surface goes about the same way.
+struct Seen {
+    /// What of the kernel lies beyond it; negative if the point does, too.
+    part: f32,
+    /// Between the normals.
+    cos: f32,
+    /// Of its nearest place, above the surface.
+    rise: f32,
+    /// Of the same.
+    distance: f32,
+    /// Whether it ends a sheet of its own.
+    is_sheet: bool,
+}
+
+/// Where the point itself lies on an edge, its distances are rounding errors below this.
+fn slack(surface: &Surface) -> f32 {
+    4.0 * surface.error
+}
+
+/// Nothing if the crease belongs to a surface that goes another way, or if its line is too far off.
+#[inline]
+fn see(crease: &Crease, surface: &Surface, radius: f32, kernel: Kernel) -> Option<Seen> {
+    let cos = crease.normal.dot(surface.geometric_normal);
+    let from = crease.from - surface.position;
+    let h = -from.dot(crease.inward);
+    if cos.abs() <= MIN_COS_NORMALS || h.abs() >= radius {
+        return None;
+    }
+    let edge = crease.to - crease.from;
+    let length = edge.length();
+    let along = edge / length;
+    let start = from.dot(along);
+    let nearest = from + along * (-start).clamp(0.0, length);
+    let (rise, distance) = (nearest.dot(surface.geometric_normal), nearest.length());
+    // Beyond a line at distance s on a surface that turns away, photons up to distance t rise by less than the
+    // limit if (t - s) * turn < limit * t: as if the line were farther away.
+    let scale = 1.0 / radius / (1.0 - MAX_SINE_HEIGHT / crease.turn);
+    let part = kernel.hidden(h.abs() * scale, start * scale, (start + length) * scale);
+    let part = if h >= -slack(surface) { part } else { -part };
+    let sine_of_turn = crease.normal.cross(surface.geometric_normal).length();
+    let is_sheet = rise.abs() > LEAST_HEIGHT * radius
+        && rise.abs() < MAX_SINE_HEIGHT * radius
+        && crease.turn.is_infinite()
+        && sine_of_turn * distance < MAX_TURN * rise.abs();
+    Some(Seen { part, cos, rise, distance, is_sheet })
 }
