@@ -11,8 +11,9 @@ use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
 
 use crate::primitive::{Primitive, Shape, ShearedRay};
+use crate::shaft::Shaft;
 use crate::traverse::Query;
-use crate::{Bounds, MaterialId, Mesh, Sphere, Surface};
+use crate::{Bounds, MaterialId, Mesh, Patch, Sphere, Surface};
 
 /// As many as a leaf of the compressed BVH can hold.
 const MAX_PRIMITIVES_PER_LEAF: u32 = 3;
@@ -162,6 +163,50 @@ impl Accel {
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.query(ray).any()
+    }
+
+    /// Whether surely no ray from a point of one patch to a point of the other meets anything.
+    pub fn is_clear(&self, from: &Patch, to: &Patch) -> bool {
+        let shaft = Shaft::new(from, to, self.scale);
+        // What rounding in single precision may hide.
+        let doubt = (self.center.abs().max_element() + 2.0 * self.radius) * 2.0_f32.powi(-18);
+        let mut left: Vec<u32> = Vec::with_capacity(64);
+        left.extend((!self.bvh.nodes.is_empty()).then_some(0));
+        while let Some(index) = left.pop() {
+            let node = &self.bvh.nodes[index as usize];
+            let extent = node.compute_extent();
+            let planes = |bytes: [u8; 8], axis: usize| {
+                bytes.map(|byte| node.p[axis] + f32::from(byte) * extent[axis])
+            };
+            let min = [
+                planes(node.child_min_x, 0),
+                planes(node.child_min_y, 1),
+                planes(node.child_min_z, 2),
+            ];
+            let max = [
+                planes(node.child_max_x, 0),
+                planes(node.child_max_y, 1),
+                planes(node.child_max_z, 2),
+            ];
+            let mut inner = node.child_base_idx;
+            for (slot, may_hold) in shaft.may_hold(min, max, doubt).into_iter().enumerate() {
+                let meta = u32::from(node.child_meta[slot]);
+                if node.imask >> slot & 1 != 0 {
+                    if may_hold {
+                        left.push(inner);
+                    }
+                    inner += 1;
+                } else if may_hold && meta != 0 {
+                    let first = (node.primitive_base_idx + (meta & 31)) as usize;
+                    let n = (meta >> 5).count_ones() as usize;
+                    let primitives = &self.primitives[first..first + n];
+                    if primitives.iter().any(|p| shaft.may_hold_primitive(p)) {
+                        return false;
+                    }
+                }
+            }
+        }
+        true
     }
 
     #[inline]

@@ -12,6 +12,7 @@ mod crease;
 mod memory;
 mod mesh;
 mod primitive;
+mod shaft;
 mod surface;
 mod traverse;
 
@@ -20,4 +21,5 @@ pub use bounds::Bounds;
 pub use crease::{Crease, Creases};
 pub use memory::Memory;
 pub use mesh::{MaterialId, Mesh, Sphere};
+pub use shaft::{Patch, Plane};
 pub use surface::{MAX_SHADING_GAIN, Surface};

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use base::{Frame, Rgb, math::PI, warp};
+use geometry::{Bounds, Patch, Plane};
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
 use crate::bright_cells::BrightCells;
@@ -109,6 +110,25 @@ impl Piece {
 }
 
 impl AreaLight {
+    /// Where it is, if it is flat.
+    pub(crate) fn patch(&self) -> Option<Patch> {
+        let normal = self.pieces.first()?.normal;
+        let mut bounds = Bounds::EMPTY;
+        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for piece in &self.pieces {
+            for corner in piece.triangles().flatten() {
+                let height = Plane::height(normal, corner.into());
+                (lowest, highest) = (lowest.min(height), highest.max(height));
+                bounds.extend(corner);
+            }
+        }
+        // Rays end above it by the error: it isn't in their way itself.
+        let error = f64::from(self.pieces[0].error);
+        let offset = highest + 0.5 * error;
+        (highest - lowest <= 0.25 * error)
+            .then_some(Patch { bounds, plane: Some(Plane { normal, offset }) })
+    }
+
     /// The light of all given triangles. Two triangles in a row that form a parallelogram become one piece.
     pub fn new(triangles: &[[Vec3; 3]], radiance: Rgb) -> Self {
         let mut pieces = Vec::new();

@@ -1,8 +1,8 @@
 //! Everything that emits light.
 
 use base::{Frame, Rgb, math::PI, warp};
-use geometry::Bounds;
-use glam::{Vec2, Vec3A};
+use geometry::{Bounds, Patch};
+use glam::{Vec2, Vec3, Vec3A};
 
 use crate::{AreaLight, EnvironmentMap, SphereLight};
 
@@ -257,6 +257,23 @@ impl Light {
             self.kind,
             LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Directional { .. }
         )
+    }
+
+    /// Where shadow rays from a patch of surface end; nothing if that isn't known.
+    pub fn patch(&self, from: &Patch, bounds: &Bounds) -> Option<Patch> {
+        match &self.kind {
+            LightKind::Area(light) => light.patch(),
+            LightKind::Point { position, .. } | LightKind::Spot(Spot { position, .. }) => {
+                let position = Vec3::from(*position);
+                Some(Patch { bounds: Bounds { min: position, max: position }, plane: None })
+            }
+            LightKind::Directional { direction, .. } => {
+                let away = Vec3::from(*direction) * (-2.0 * bounds.diagonal());
+                let Bounds { min, max } = from.bounds;
+                Some(Patch { bounds: Bounds { min: min + away, max: max + away }, plane: None })
+            }
+            _ => None,
+        }
     }
 
     /// One direction towards the light, uniform by area if it has one, or by brightness if it is textured, or by solid angle if

@@ -3,6 +3,7 @@
 use base::{Component, ImageSize, Interrupted, Pixel, Rgb};
 use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance, refine};
 
+use super::clear::Clear;
 use super::indirect::Indirect;
 use super::records::{Saved, Source};
 use super::{Account, COARSEST, View};
@@ -37,6 +38,8 @@ struct CachedLight {
     unshadowed: Vec<Rgb>,
     visibility: Layer<f32>,
     source: Source<f32>,
+    /// Where it is surely 1.
+    clear: Clear,
 }
 
 /// Lights that share a visibility: the part of their unshadowed irradiance that arrives, by channel.
@@ -69,10 +72,10 @@ impl Direct {
 
         let n = view.size().n_pixels();
         let mut lights = Vec::new();
-        for &light in &separate {
+        for (&light, clear) in separate.iter().zip(Clear::find(&separate, view, account)?) {
             let unshadowed = unshadowed(&[light], view, indirect, error, account)?;
-            let source = saved.visibility(light);
-            lights.push(CachedLight { light, unshadowed, visibility: Layer::new(n), source });
+            let (visibility, source) = (Layer::new(n), saved.visibility(light));
+            lights.push(CachedLight { light, unshadowed, visibility, source, clear });
         }
         let others: Vec<usize> =
             (0..scene.lights.len()).filter(|l| !separate.contains(l)).collect();
@@ -172,12 +175,21 @@ impl Direct {
         let ImageSize { width, height } = view.size();
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| Pixel { x, y }));
         let mut known: Vec<f32> = pixels.map(|p| indirect.ambient(view, p)).collect();
-        let shader = account.frame.shader();
-        for CachedLight { light, unshadowed, visibility, source } in &mut self.lights {
+        let frame = account.frame;
+        let shader = frame.shader();
+        for CachedLight { light, unshadowed, visibility, source, clear } in &mut self.lights {
             // A single ray tells all of a point's visibility: nothing is cheaper.
             let coarsest = if shader.light(*light).is_delta() { 1 } else { COARSEST };
             let floor = indirect.floor();
-            let rule = LightRule { view, unshadowed, known: &known, floor, coarsest };
+            let rule = LightRule {
+                view,
+                light: *light,
+                clear,
+                unshadowed,
+                known: &known,
+                floor,
+                coarsest,
+            };
             source.refine(
                 &view.lattice,
                 visibility,
@@ -187,13 +199,18 @@ impl Direct {
                 |i| view.place(i),
                 account,
                 |account, pixels: &[Pixel]| {
-                    account.pixels(Component::Direct, pixels, |point, stream, work| {
-                        shader.visibility(*light, &point.facing, stream, work)
+                    account.items(Component::Direct, pixels, |&pixel, work| {
+                        if clear.holds(pixel) {
+                            return 1.0;
+                        }
+                        frame.at(pixel, work, |point, stream, work| {
+                            shader.visibility(*light, &point.facing, stream, work)
+                        })
                     })
                 },
             )?;
             if coarsest > 1 {
-                verify(view, *light, visibility, source, &rule, tolerance, account)?;
+                verify(&rule, visibility, source, tolerance, account)?;
             }
             for (i, known) in known.iter_mut().enumerate() {
                 *known += unshadowed[i].luminance() * visibility.values[i];
@@ -227,6 +244,8 @@ impl Direct {
 
 struct LightRule<'x> {
     view: &'x View,
+    light: usize,
+    clear: &'x Clear,
     unshadowed: &'x [Rgb],
     known: &'x [f32],
     floor: f32,
@@ -322,14 +341,13 @@ const DOUBT: u32 = 2;
 /// on the light stratified over blocks of pixels. Where it contradicts the interpolation, the pixel is traced, and its
 /// neighbours as long as they too were wrong.
 fn verify(
-    view: &View,
-    light: usize,
+    rule: &LightRule<'_>,
     visibility: &mut Layer<f32>,
     source: &Source<f32>,
-    rule: &LightRule<'_>,
     tolerance: Tolerance,
     account: &mut Account<'_, '_>,
 ) -> Result<(), Interrupted> {
+    let &LightRule { view, light, clear, .. } = rule;
     let size = view.size();
     let shader = account.frame.shader();
     let matters = |i: usize, value: f32| {
@@ -346,7 +364,10 @@ fn verify(
             let value = visibility.values[i];
             let is_sure = !(SURELY_DARK..=SURELY_LIT).contains(&value);
             // Every other pixel, as on a chessboard, or the same of every other row.
-            if (pixel.x + pixel.y / rows_apart) % 2 == 1 || pixel.y % rows_apart != 0 {
+            if (pixel.x + pixel.y / rows_apart) % 2 == 1
+                || pixel.y % rows_apart != 0
+                || clear.holds(pixel)
+            {
                 continue;
             }
             let (Some(site), Some(surface)) = (&view.sites.values()[i], frame.surface(i)) else {
