@@ -243,7 +243,7 @@ impl Rule<Rgb> for Even {
     fn reference(&self, _: usize, _: Rgb) -> f32 {
         1.0
     }
-    fn spacing(&self, _: base::Pixel) -> u32 {
-        16
+    fn spacing(&self, _: base::Pixel) -> f32 {
+        16.0
     }
 }

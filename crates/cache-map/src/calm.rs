@@ -19,7 +19,7 @@ pub(crate) fn is_calm<T: Value>(
     h: u32,
     block: Block,
 ) -> bool {
-    if h > SMALL || !lattice.is_whole(block) || rule.spacing(block.corner()) < 2 * h {
+    if h > SMALL || !lattice.is_whole(block) || rule.spacing(block.corner()) < 2.0 * h as f32 {
         return false;
     }
     let (width, first) = (lattice.size().width as usize, lattice.size().index(block.corner()));
@@ -115,8 +115,8 @@ mod tests {
         fn reference(&self, _: usize, predicted: Rgb) -> f32 {
             0.1 + predicted.luminance()
         }
-        fn spacing(&self, _: Pixel) -> u32 {
-            16
+        fn spacing(&self, _: Pixel) -> f32 {
+            16.0
         }
     }
 

@@ -5,6 +5,8 @@
 //! lines disagree, or where the neighbours span an edge, the pixel is traced. Predictions read only coarser ranks, so
 //! the order of work changes nothing.
 
+use std::f32::consts::SQRT_2;
+
 use base::{ImageSize, Pixel};
 use rayon::prelude::*;
 
@@ -18,9 +20,9 @@ pub trait Rule<T>: Sync {
     fn gain(&self, index: usize) -> f32;
     /// The luminance against which errors are measured at a pixel with this predicted value.
     fn reference(&self, index: usize, predicted: T) -> f32;
-    /// The widest spacing from which a pixel may be predicted: the same in each square of 16 pixels a side that starts at a
-    /// multiple of that.
-    fn spacing(&self, pixel: Pixel) -> u32;
+    /// The widest spacing, in pixels, of samples from which a pixel may be predicted: the same in each square of 16 pixels a
+    /// side that starts at a multiple of that. Samples can lie powers of the square root of two apart.
+    fn spacing(&self, pixel: Pixel) -> f32;
 }
 
 /// How strict the decision is.
@@ -213,7 +215,7 @@ impl Pass<'_> {
         gain: f32,
     ) -> Decision<T> {
         let Self { lattice, tolerance, h, rank } = self;
-        if 2 * h > rule.spacing(pixel) {
+        if spacing(h, rank) > rule.spacing(pixel) {
             return Decision::Trace(Reason::Lattice);
         }
         let i = lattice.size().index(pixel);
@@ -257,6 +259,15 @@ impl Pass<'_> {
         } else {
             Decision::Take(predicted)
         }
+    }
+}
+
+/// The spacing of all pixels that are coarser than those of a rank. Those of steps from `2 h` form squares of that side; with
+/// the centers among them it is the root of two finer.
+fn spacing(h: u32, rank: Rank) -> f32 {
+    match rank {
+        Rank::Center => 2.0 * h as f32,
+        Rank::Midpoint => SQRT_2 * h as f32,
     }
 }
 

@@ -67,8 +67,8 @@ impl Caustic {
                     self.direct.luminance(index) + self.indirect.irradiance(index).luminance();
                 self.indirect.floor() + (others + predicted.luminance()) * self.view.gain(index)
             }
-            fn spacing(&self, _: Pixel) -> u32 {
-                COARSEST
+            fn spacing(&self, _: Pixel) -> f32 {
+                COARSEST as f32
             }
         }
         let rule = CausticRule { view, direct, indirect, in_reach: &self.in_reach };

@@ -38,6 +38,9 @@ impl Clear {
         view: &View,
         account: &mut Account<'_, '_>,
     ) -> Result<Vec<Self>, Interrupted> {
+        if lights.is_empty() {
+            return Ok(Vec::new());
+        }
         let frame = account.frame;
         let size = view.size();
         let columns = size.width.div_ceil(LARGEST);

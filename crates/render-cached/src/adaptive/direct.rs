@@ -260,8 +260,8 @@ impl Rule<f32> for LightRule<'_> {
         let irradiance = self.known[index] + self.unshadowed[index].luminance() * predicted;
         self.floor + irradiance * self.view.gain(index)
     }
-    fn spacing(&self, _: Pixel) -> u32 {
-        self.coarsest
+    fn spacing(&self, _: Pixel) -> f32 {
+        self.coarsest as f32
     }
 }
 
@@ -280,8 +280,8 @@ impl Rule<Rgb> for RestRule<'_> {
         let irradiance = self.known[index] + (self.unshadowed[index] * predicted).luminance();
         self.floor + irradiance * self.view.gain(index)
     }
-    fn spacing(&self, _: Pixel) -> u32 {
-        COARSEST
+    fn spacing(&self, _: Pixel) -> f32 {
+        COARSEST as f32
     }
 }
 
@@ -304,8 +304,8 @@ fn unshadowed(
         fn reference(&self, index: usize, predicted: Rgb) -> f32 {
             self.indirect.ambient(self.view, self.view.size().pixel(index)) + predicted.luminance()
         }
-        fn spacing(&self, _: Pixel) -> u32 {
-            UNSHADOWED_COARSEST
+        fn spacing(&self, _: Pixel) -> f32 {
+            UNSHADOWED_COARSEST as f32
         }
     }
     let mut layer = Layer::new(view.size().n_pixels());

@@ -203,8 +203,8 @@ impl Rule<Rgb> for GlossyRule<'_> {
     fn reference(&self, index: usize, predicted: Rgb) -> f32 {
         self.floor + self.known[index] + (self.tint[index] * predicted).luminance()
     }
-    fn spacing(&self, _: Pixel) -> u32 {
-        COARSEST
+    fn spacing(&self, _: Pixel) -> f32 {
+        COARSEST as f32
     }
 }
 

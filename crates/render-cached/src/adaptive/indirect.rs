@@ -1,5 +1,7 @@
 //! Indirect irradiance.
 
+use std::f32::consts::SQRT_2;
+
 use base::{Component, Interrupted, Pixel, Rgb, math};
 use cache_map::{Layer, Nearby, Reason, RecordPoint, Records, Rule, Tolerance};
 use shade::Shader;
@@ -12,6 +14,15 @@ use super::{Account, COARSEST, View};
 /// a picture of indirect light only, with 500 photons in an estimate, this is the mean FLIP at `s = r`. Measured on the
 /// scenes of this project.
 const FLIP_AT_RADIUS: f32 = 0.047;
+
+/// That power.
+const ORDER: f32 = 1.1;
+
+/// Less than this part of indirect light in all light counts as so much.
+const LEAST_PART: f32 = 0.05;
+
+/// Samples are so many radii apart at most.
+const WIDEST: f32 = 2.0;
 
 /// What is gathered varies over the distance of what is around: samples are this share of it apart at most.
 const SHARE_OF_DISTANCE: f32 = 0.25;
@@ -27,7 +38,9 @@ pub(crate) struct Indirect {
     radius: Vec<f32>,
     /// The same in world units; 0 where the cell has no coarse pixel.
     reach: Vec<f32>,
-    /// Samples are this share of the radius apart.
+    /// The distances of samples, in pixels, but for a common factor.
+    spacing: Vec<f32>,
+    /// That factor.
     share: f32,
     /// Luminance of the irradiance, likewise; before refinement this is all that is known.
     ambient: Vec<f32>,
@@ -82,8 +95,8 @@ impl Indirect {
         }
         let n = pixels.len().max(1) as f32;
         let (floor, nearby) = (0.1 * sum as f32 / n, n_nearby as f32 / n);
-        let radius = radius_of_cell;
-        Ok(Self { layer, radius, reach, share: 1.0, ambient, floor, source, nearby })
+        let (radius, spacing) = (radius_of_cell.clone(), radius_of_cell);
+        Ok(Self { layer, radius, reach, spacing, share: 1.0, ambient, floor, source, nearby })
     }
 
     pub(crate) fn irradiance(&self, index: usize) -> Rgb {
@@ -120,21 +133,28 @@ impl Indirect {
             self.share = SHARE_OF_DISTANCE;
             return;
         }
-        let (mut indirect, mut all) = (0.0_f64, 0.0_f64);
-        for i in view.coarse_pixels().into_iter().map(|p| view.size().index(p)) {
-            let here = self.irradiance(i).luminance();
-            indirect += f64::from(here * view.gain(i));
-            all += f64::from((here + direct.luminance(i)) * view.gain(i));
+        let noise = FLIP_AT_RADIUS * (500.0 / shader.settings.indirect.k as f32).sqrt();
+        let pixels = view.coarse_pixels();
+        let mut sum = 0.0_f64;
+        for &pixel in &pixels {
+            let (i, cell) = (view.size().index(pixel), view.cell(pixel));
+            let indirect = self.irradiance(i).luminance();
+            let part = indirect / (indirect + direct.luminance(i)).max(f32::MIN_POSITIVE);
+            let radius = self.radius[cell];
+            let scale = math::pow(radius, ORDER);
+            // Of all ways to spread samples this has the least mean error: one more sample gains the same everywhere.
+            let spacing = math::pow(scale / part.max(LEAST_PART), 1.0 / (ORDER + 2.0));
+            self.spacing[cell] = spacing;
+            sum += f64::from(noise * part * math::pow(spacing, ORDER) / scale);
         }
-        let part = if all > 0.0 { (indirect / all) as f32 } else { 1.0 };
-        let noise = FLIP_AT_RADIUS * part * (500.0 / shader.settings.indirect.k as f32).sqrt();
+        let at_one = sum as f32 / pixels.len().max(1) as f32;
         let error = error * (1.0 - ERROR_OF_NEARBY * self.nearby);
-        self.share = math::pow(error / noise.max(1e-6), 1.0 / 1.1).min(2.0);
+        self.share = math::pow(error / at_one.max(1e-6), 1.0 / ORDER);
     }
 
     /// Brings samples closer together, for an error of all light that is too large by `factor`. Some of it isn't of theirs.
     pub(crate) fn tighten(&mut self, factor: f32) {
-        self.share /= math::pow(factor, 1.5 / 1.1);
+        self.share /= math::pow(factor, 1.7 / ORDER);
     }
 
     pub(crate) fn refine(
@@ -148,6 +168,7 @@ impl Indirect {
             view: &'x View,
             direct: &'x Direct,
             radius: &'x [f32],
+            spacing: &'x [f32],
             share: f32,
             floor: f32,
         }
@@ -159,17 +180,21 @@ impl Indirect {
                 self.floor
                     + (self.direct.luminance(index) + predicted.luminance()) * self.view.gain(index)
             }
-            fn spacing(&self, pixel: Pixel) -> u32 {
+            fn spacing(&self, pixel: Pixel) -> f32 {
                 let cell = self.view.cell(pixel);
-                // Powers of two are far apart: cells take turns at the two around the spacing that is wanted.
-                let wanted = self.radius[cell] * self.share * self.view.dither(pixel);
-                1 << (wanted.clamp(1.0, COARSEST as f32) as u32).ilog2()
+                let wanted = (self.spacing[cell] * self.share).min(WIDEST * self.radius[cell]);
+                // Cells take turns at the two powers of the root of two around the spacing that is wanted.
+                let square = wanted * wanted * self.view.dither(pixel);
+                let half_octaves = (square.clamp(1.0, (COARSEST * COARSEST) as f32) as u32).ilog2();
+                let octave = (1 << (half_octaves / 2)) as f32;
+                if half_octaves.is_multiple_of(2) { octave } else { octave * SQRT_2 }
             }
         }
         let rule = IndirectRule {
             view,
             direct,
             radius: &self.radius,
+            spacing: &self.spacing,
             share: self.share,
             floor: self.floor,
         };

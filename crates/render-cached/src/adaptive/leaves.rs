@@ -93,7 +93,8 @@ pub(crate) struct Leaves {
     traced: Vec<Option<(Rgb, Reason)>>,
     /// What surfaces emit and what lies beyond the scene, by pixel.
     emitted: Grid<Rgb>,
-    radiance: Grid<Rgb>,
+    /// All of it, once the irradiance at the ends is known.
+    radiance: Vec<Rgb>,
     /// The pixels whose chains have glossy ends, too: these ends are left to [`super::glossy`].
     glossy: Vec<Pixel>,
     source: Source<Rgb>,
@@ -146,7 +147,7 @@ impl Leaves {
         let traced = vec![None; leaves.len()];
         let source = saved.source(&saved.set.leaves);
         let around = Around::new(shader.scene.bounds().diagonal());
-        Ok(Self { leaves, traced, radiance: emitted.clone(), emitted, glossy, source, around })
+        Ok(Self { leaves, traced, emitted, radiance: Vec::new(), glossy, source, around })
     }
 
     /// All that is known of the ends of chains, for good.
@@ -171,12 +172,12 @@ impl Leaves {
     }
 
     pub(crate) fn radiance(&self, index: usize) -> Rgb {
-        self.radiance.values()[index]
+        self.radiance[index]
     }
 
     /// Why any leaf of a pixel was traced.
     pub(crate) fn reasons(&self) -> Vec<Reason> {
-        let mut reasons = vec![Reason::Interpolated; self.radiance.values().len()];
+        let mut reasons = vec![Reason::Interpolated; self.emitted.values().len()];
         for (leaf, traced) in self.leaves.iter().zip(&self.traced) {
             let shown = &mut reasons[leaf.pixel as usize];
             if let Some((_, reason)) = traced
@@ -243,10 +244,11 @@ impl Leaves {
             }
         }
 
-        self.radiance = self.emitted.clone();
+        self.radiance.clear();
+        self.radiance.extend_from_slice(self.emitted.values());
         for (i, leaf) in self.leaves.iter().enumerate() {
             let value = self.traced[i].map_or(irradiance[i], |traced| traced.0);
-            self.radiance.values_mut()[leaf.pixel as usize] += leaf.weight * value;
+            self.radiance[leaf.pixel as usize] += leaf.weight * value;
         }
         Ok(())
     }
@@ -442,8 +444,8 @@ impl Rule<Rgb> for LeafRule<'_> {
         let leaf = &self.leaves[index];
         self.floor + self.known[leaf.pixel as usize] + (leaf.weight * predicted).luminance()
     }
-    fn spacing(&self, _: Pixel) -> u32 {
-        COARSEST
+    fn spacing(&self, _: Pixel) -> f32 {
+        COARSEST as f32
     }
 }
 
@@ -466,7 +468,7 @@ impl Rule<Rgb> for ImageRule<'_> {
     fn reference(&self, index: usize, predicted: Rgb) -> f32 {
         self.rule.reference(self.leaf(index), predicted)
     }
-    fn spacing(&self, _: Pixel) -> u32 {
-        COARSEST
+    fn spacing(&self, _: Pixel) -> f32 {
+        COARSEST as f32
     }
 }

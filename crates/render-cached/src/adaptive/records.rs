@@ -172,7 +172,7 @@ impl<T: Value> Source<T> {
         refine(lattice, layer, coarsest, rule, tolerance, &mut |pixels: &[Pixel]| {
             let take = |&pixel: &Pixel| {
                 let i = size.index(pixel);
-                let step = lattice.step(i).min(rule.spacing(pixel)).min(coarsest);
+                let step = lattice.step(i).min(rule.spacing(pixel) as u32).min(coarsest);
                 let place = place(i)?;
                 let close = CLOSE * step as f32 * place.pixel;
                 let is_good = |near: &Nearby<T>| near.is_within(i, close, rule, tolerance);

@@ -22,10 +22,11 @@ impl Strictness {
 
     pub(crate) fn tolerance(&self, component: Component) -> Tolerance {
         let (error, edge) = match component {
-            Component::Direct | Component::Caustic => (2.0, 16.0),
+            Component::Direct | Component::Caustic => (1.5, 12.0),
             // Density estimates have noise that isn't worth following; what is gathered has little.
             Component::Indirect if self.is_gathering => (2.0, 16.0),
-            Component::Indirect | Component::Specular => (4.0, 80.0),
+            Component::Specular => (3.0, 60.0),
+            Component::Indirect => (4.0, 80.0),
         };
         let times = self.errors[component];
         Tolerance { error: error * times, edge: edge * times }
