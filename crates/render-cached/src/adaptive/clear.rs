@@ -6,6 +6,8 @@
 
 use base::{Interrupted, Pixel};
 use geometry::{Bounds, Patch, Plane};
+use glam::Vec3A;
+use rayon::prelude::*;
 use scene::Light;
 
 use super::{Account, View};
@@ -44,11 +46,8 @@ impl Clear {
         let frame = account.frame;
         let size = view.size();
         let columns = size.width.div_ceil(LARGEST);
-        let tops = (0..size.height).step_by(LARGEST as usize);
-        let corners: Vec<Pixel> = tops
-            .flat_map(|y| (0..size.width).step_by(LARGEST as usize).map(move |x| Pixel { x, y }))
-            .collect();
-        let squares = account.overhead(&corners, |&corner, _| {
+        let tops: Vec<u32> = (0..size.height).step_by(LARGEST as usize).collect();
+        let search = |corner: Pixel| -> Vec<u64> {
             let squares = Squares::new(corner, view, frame);
             let of_light = |&light: &usize| {
                 let mut clear = 0;
@@ -57,8 +56,14 @@ impl Clear {
                 });
                 clear
             };
-            lights.iter().map(of_light).collect::<Vec<u64>>()
+            lights.iter().map(of_light).collect()
+        };
+        // Rows are too few to share.
+        let rows = account.overhead(&tops, |&y, _| -> Vec<_> {
+            let corners = (0..columns).into_par_iter().map(|x| Pixel { x: x * LARGEST, y });
+            corners.map(search).collect()
         })?;
+        let squares = rows.concat();
         let of_light = |n| Self { columns, squares: squares.iter().map(|of| of[n]).collect() };
         Ok((0..lights.len()).map(of_light).collect())
     }
@@ -139,25 +144,34 @@ fn join(whole: &mut Patch, part: Patch) -> Option<()> {
 /// Where shadow rays leave the diffuse surfaces that one of the smallest squares shows, if these are flat.
 fn patch(corner: Pixel, view: &View, frame: &Frame<'_>) -> Option<Patch> {
     let size = view.size();
-    let mut whole = EMPTY;
+    let mut plane: Option<Plane> = None;
+    let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+    let mut most_moved = 0.0_f32;
     for y in corner.y..(corner.y + SMALLEST).min(size.height) {
         for x in corner.x..(corner.x + SMALLEST).min(size.width) {
             let i = size.index(Pixel { x, y });
             let (Some(site), Some(surface)) = (&view.sites.values()[i], frame.surface(i)) else {
                 continue;
             };
-            let surface = surface.facing(site.normal.into());
-            let normal = surface.geometric_normal;
-            if surface.shading_normal.dot(normal) < ALIKE {
+            let (position, normal) = (Vec3A::from(site.position), Vec3A::from(site.normal));
+            let cos = surface.geometric_normal.dot(normal);
+            let plane = plane.get_or_insert_with(|| Plane {
+                normal: surface.geometric_normal * cos.signum(),
+                offset: f64::INFINITY,
+            });
+            if cos.abs() < ALIKE || normal.dot(plane.normal) < ALIKE {
                 return None;
             }
-            let origin = surface.leave(normal);
-            let plane = Plane { normal, offset: Plane::height(normal, origin) };
-            let bounds = Bounds { min: origin.into(), max: origin.into() };
-            join(&mut whole, Patch { bounds, plane: Some(plane) })?;
+            // Rays start so far off the surface, which itself lies below half of that.
+            let moved = surface.error;
+            let lowest = Plane::height(plane.normal, position) + 0.5 * f64::from(moved);
+            plane.offset = plane.offset.min(lowest);
+            (min, max) = (min.min(position), max.max(position));
+            most_moved = most_moved.max(moved);
         }
     }
-    Some(whole)
+    let bounds = Bounds { min: (min - most_moved).into(), max: (max + most_moved).into() };
+    Some(if plane.is_some() { Patch { bounds, plane } } else { EMPTY })
 }
 
 fn is_clear(frame: &Frame<'_>, light: &Light, from: &Patch) -> bool {
