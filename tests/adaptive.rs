@@ -9,3 +9,4 @@ mod lights;
 mod materials;
 mod rooms;
 mod shadows;
+mod subpixels;

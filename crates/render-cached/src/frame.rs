@@ -25,6 +25,8 @@ pub(crate) const NOTHING: u32 = u32::MAX;
 pub(crate) struct Frame<'a> {
     shader: &'a Shader<'a>,
     window: Window,
+    /// Of the pixels of the window only every so many are here, both ways, from the first on.
+    step: u32,
     surfaces: Grid<Option<Seen>>,
 }
 
@@ -109,7 +111,7 @@ impl<'a> Frame<'a> {
             .collect();
         let mut sum = Counts::default();
         counts.ok_or(Interrupted)?.into_iter().for_each(|counts| sum += counts);
-        Ok((Self { shader, window, surfaces: Grid::from_values(size, surfaces) }, sum))
+        Ok((Self { shader, window, step: 1, surfaces: Grid::from_values(size, surfaces) }, sum))
     }
 
     /// Takes the primitives that the eye rays meet first, instead of looking for them: [`NOTHING`] where there is none.
@@ -135,7 +137,24 @@ impl<'a> Frame<'a> {
             if watch(CHUNK as u64) { Ok(true) } else { Err(Interrupted) }
         });
         let all_meet = all_meet.try_reduce(|| true, |a, b| Ok(a && b))?;
-        Ok(all_meet.then(|| Self { shader, window, surfaces: Grid::from_values(size, surfaces) }))
+        let surfaces = Grid::from_values(size, surfaces);
+        Ok(all_meet.then_some(Self { shader, window, step: 1, surfaces }))
+    }
+
+    /// Every `step`-th pixel, both ways, from the first on: a smaller picture of the same.
+    pub(crate) fn thinned(&self, step: u32) -> Self {
+        let ImageSize { width, height } = self.size();
+        let size = ImageSize { width: width.div_ceil(step), height: height.div_ceil(step) };
+        let mut surfaces = vec![None; size.n_pixels()];
+        let rows = surfaces.par_chunks_mut(size.width as usize).enumerate();
+        rows.for_each(|(y, row)| {
+            let all = &self.surfaces.values()[y * (step * width) as usize..][..width as usize];
+            row.iter_mut()
+                .zip(all.iter().step_by(step as usize))
+                .for_each(|(to, from)| *to = *from);
+        });
+        let surfaces = Grid::from_values(size, surfaces);
+        Self { surfaces, step: self.step * step, ..*self }
     }
 
     /// The primitives that the eye rays meet first; [`NOTHING`] where there is none.
@@ -150,6 +169,11 @@ impl<'a> Frame<'a> {
 
     pub(crate) fn size(&self) -> ImageSize {
         self.surfaces.size()
+    }
+
+    /// How far apart pixels are in the window: 1 but in a thinned frame.
+    pub(crate) fn step(&self) -> u32 {
+        self.step
     }
 
     pub(crate) fn shader(&self) -> &'a Shader<'a> {
@@ -168,10 +192,15 @@ impl<'a> Frame<'a> {
         self.surfaces.values()[index].is_some()
     }
 
+    /// How many pixels show a surface.
+    pub(crate) fn n_surfaces(&self) -> usize {
+        self.surfaces.values().iter().flatten().count()
+    }
+
     /// Radiance that the first surface of a pixel emits towards the eye, or that comes from beyond the scene.
     pub(crate) fn emitted(&self, pixel: Pixel) -> Rgb {
         let scene = self.shader.scene;
-        let to_surface = || eye_ray(self.shader, self.window, pixel).dir();
+        let to_surface = || self.eye_ray(pixel).dir();
         match self.surface(self.size().index(pixel)) {
             Some(surface) if scene.material(&surface).emission.is_black() => Rgb::BLACK,
             Some(surface) => scene.emitted(&surface, -to_surface()),
@@ -185,12 +214,22 @@ impl<'a> Frame<'a> {
         if camera.is_pinhole() {
             return camera.origin();
         }
-        eye_ray(self.shader, self.window, pixel).origin()
+        self.eye_ray(pixel).origin()
+    }
+
+    fn eye_ray(&self, pixel: Pixel) -> Ray {
+        eye_ray(self.shader, self.window, self.in_window(pixel))
+    }
+
+    /// The pixel of the window that a pixel is.
+    #[inline]
+    fn in_window(&self, Pixel { x, y }: Pixel) -> Pixel {
+        Pixel { x: x * self.step, y: y * self.step }
     }
 
     /// The first surface of a pixel, as the eye sees it.
     pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
-        let w_o = -eye_ray(self.shader, self.window, pixel).dir();
+        let w_o = -self.eye_ray(pixel).dir();
         let surface = self.surface(self.size().index(pixel))?;
         Some(self.shader.shading_point(surface, w_o))
     }
@@ -227,7 +266,8 @@ impl<'a> Frame<'a> {
         f: impl FnOnce(&ShadingPoint<'a>, PixelStream, &mut Work) -> T,
     ) -> T {
         let Window { whole, .. } = self.window;
-        let stream = PixelStream(whole.index(self.window.in_whole(pixel)) as u64);
+        let in_whole = self.window.in_whole(self.in_window(pixel));
+        let stream = PixelStream(whole.index(in_whole) as u64);
         self.point(pixel).map_or_else(T::default, |point| f(&point, stream, work))
     }
 

@@ -129,6 +129,11 @@ impl AreaLight {
             .then_some(Patch { bounds, plane: Some(Plane { normal, offset }) })
     }
 
+    /// A sphere around all pieces.
+    pub(crate) fn enclosing_sphere(&self) -> (Vec3A, f32) {
+        (self.center, self.radius)
+    }
+
     /// The light of all given triangles. Two triangles in a row that form a parallelogram become one piece.
     pub fn new(triangles: &[[Vec3; 3]], radiance: Rgb) -> Self {
         let mut pieces = Vec::new();

@@ -259,6 +259,15 @@ impl Light {
         )
     }
 
+    /// The center and radius, in world units, of a sphere around its surface; nothing if it has none.
+    pub fn enclosing_sphere(&self) -> Option<(Vec3A, f32)> {
+        match &self.kind {
+            LightKind::Area(light) => Some(light.enclosing_sphere()),
+            LightKind::Sphere(light) => Some(light.enclosing_sphere()),
+            _ => None,
+        }
+    }
+
     /// Where shadow rays from a patch of surface end; nothing if that isn't known.
     pub fn patch(&self, from: &Patch, bounds: &Bounds) -> Option<Patch> {
         match &self.kind {

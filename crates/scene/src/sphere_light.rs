@@ -48,6 +48,10 @@ struct Cone {
 }
 
 impl SphereLight {
+    pub(crate) fn enclosing_sphere(&self) -> (Vec3A, f32) {
+        (self.center, self.radius)
+    }
+
     /// The light of a sphere that emits `radiance`, times the texture if there is one.
     pub fn new(sphere: &Sphere, radiance: Rgb, texture: Option<Arc<Texture>>) -> Self {
         let (center, radius) = (Vec3A::from(sphere.center), sphere.radius);

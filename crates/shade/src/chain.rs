@@ -15,6 +15,10 @@ const FOLLOW_ALWAYS: f32 = 0.002;
 /// rays, and diffuse surfaces are never as bright as lamps.
 const SHADE_ALWAYS: f32 = 0.02;
 
+/// Branches that carry less than this from sharp surfaces on are faint, and so is all that follows them: a reflection head on
+/// from the outside of glass isn't, a second one within it is. There are as many of them as of the others.
+const FAINT: f32 = 0.008;
+
 /// The longest chain. Only surfaces that lose nothing make such; they are counted.
 const MAX_LENGTH: u32 = 128;
 
@@ -37,6 +41,24 @@ pub struct ChainLeaf<'a> {
     pub path: u64,
     /// Whether a rough surface lies on the way: then it is one of many, each by chance.
     pub is_glossy: bool,
+    /// Whether so little comes this way that it is part of what [`Shader::chain`] calls faint.
+    pub is_faint: bool,
+}
+
+/// Radiance towards the eye that surfaces emit along chains or that comes from beyond the scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ChainEmission {
+    /// All of it.
+    pub all: Rgb,
+    /// The part of it that comes by branches that carry little.
+    pub faint: Rgb,
+}
+
+/// Which branches are followed, and what is asked of them.
+#[derive(Clone, Copy)]
+struct Follow {
+    is_lit: bool,
+    with_faint: bool,
 }
 
 /// A ray yet to be followed.
@@ -54,6 +76,7 @@ pub(crate) struct Origin<'a> {
     pub(crate) medium: Option<&'a Material>,
     pub(crate) stream: PixelStream,
     pub(crate) is_glossy: bool,
+    pub(crate) is_faint: bool,
     pub(crate) length: u32,
     pub(crate) path: u64,
 }
@@ -63,6 +86,7 @@ pub(crate) struct Chains<'a> {
     pub(crate) rng: Rng,
     /// Whether anyone asks for the light of emitters.
     pub(crate) is_lit: bool,
+    with_faint: bool,
     branches: Vec<Branch<'a>>,
 }
 
@@ -76,6 +100,10 @@ impl<'a> Chains<'a> {
         chosen: Option<Chosen>,
     ) {
         let mut weight = from.weight * bounce.weight;
+        let is_faint = from.is_faint || !from.is_glossy && weight.max_channel() < FAINT;
+        if is_faint && !self.with_faint {
+            return;
+        }
         if from.is_glossy && from.length >= CERTAIN_LENGTH {
             if self.rng.next_f32() >= GO_ON {
                 return;
@@ -88,6 +116,7 @@ impl<'a> Chains<'a> {
         let from = Origin {
             weight,
             medium: at.medium_beyond(bounce.transmitted, from.medium),
+            is_faint,
             length: from.length + 1,
             path: hash_u64(from.path, u64::from(bounce.transmitted)),
             ..*from
@@ -106,8 +135,19 @@ impl<'a> Shader<'a> {
         stream: PixelStream,
         work: &mut Work,
         arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+    ) -> ChainEmission {
+        self.follow(at, stream, Follow { is_lit: true, with_faint: true }, work, arrive)
+    }
+
+    /// The same without the branches that carry little, and those that follow them.
+    pub fn bright_chain(
+        &self,
+        at: &ShadingPoint<'a>,
+        stream: PixelStream,
+        work: &mut Work,
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> Rgb {
-        self.follow(at, stream, true, work, arrive)
+        self.follow(at, stream, Follow { is_lit: true, with_faint: false }, work, arrive).all
     }
 
     /// Calls `arrive` for the same surfaces as [`Shader::chain`], but asks no light.
@@ -118,23 +158,24 @@ impl<'a> Shader<'a> {
         work: &mut Work,
         arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) {
-        self.follow(at, stream, false, work, arrive);
+        self.follow(at, stream, Follow { is_lit: false, with_faint: true }, work, arrive);
     }
 
     fn follow(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
-        is_lit: bool,
+        Follow { is_lit, with_faint }: Follow,
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
-    ) -> Rgb {
+    ) -> ChainEmission {
         let rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
-        let mut chains = Chains { rng, is_lit, branches: Vec::new() };
+        let mut chains = Chains { rng, is_lit, with_faint, branches: Vec::new() };
         let mut n_leaves = 0;
-        let (weight, medium, is_glossy) = (Rgb::ONE, None, false);
-        let eye = Origin { weight, medium, stream, is_glossy, length: 0, path: 0 };
-        let mut emitted = self.scatter(at, eye, &mut chains, work);
+        let (weight, medium, is_glossy, is_faint) = (Rgb::ONE, None, false, false);
+        let eye = Origin { weight, medium, stream, is_glossy, is_faint, length: 0, path: 0 };
+        let all = self.scatter(at, eye, &mut chains, work);
+        let mut emission = ChainEmission { all, faint: Rgb::BLACK };
         while let Some(Branch { ray, mut from, chosen }) = chains.branches.pop() {
             work.counts.specular_rays += 1;
             n_leaves += 1;
@@ -144,7 +185,7 @@ impl<'a> Shader<'a> {
                     None => self.background(ray.dir()),
                     Some(chosen) => self.background_by_lobe(&chosen, ray.dir()),
                 };
-                emitted += background * from.weight;
+                emission.add(background * from.weight, from.is_faint);
                 continue;
             };
             let inside = is_inside(&point.surface, &point);
@@ -159,22 +200,22 @@ impl<'a> Shader<'a> {
             let radiance = point.emitted;
             if !radiance.is_black() {
                 let share = chosen.map_or(1.0, |c| self.share_of_lobe(&c, &point, distance));
-                emitted += radiance * from.weight * share;
+                emission.add(radiance * from.weight * share, from.is_faint);
             }
             if point.material.is_diffuse() {
                 let size = (from.weight * point.albedo).max_channel();
                 if let Some(weight) = keep(from.weight, size, SHADE_ALWAYS, &mut chains.rng) {
-                    let Origin { stream, path, is_glossy, .. } = from;
-                    arrive(ChainLeaf { point, weight, stream, path, is_glossy }, work);
+                    let Origin { stream, path, is_glossy, is_faint, .. } = from;
+                    arrive(ChainLeaf { point, weight, stream, path, is_glossy, is_faint }, work);
                 }
             }
             if from.length < MAX_LENGTH {
-                emitted += self.scatter(&point, from, &mut chains, work);
+                emission.add(self.scatter(&point, from, &mut chains, work), from.is_faint);
             } else if point.material.is_specular() {
                 work.counts.chains_cut += 1;
             }
         }
-        emitted
+        emission
     }
 
     /// Adds the branches that leave a surface; the radiance towards the eye of lights that a rough one shows.
@@ -191,6 +232,16 @@ impl<'a> Shader<'a> {
         let bounces = at.material.specular_bounces(&at.surface, at.w_o, Transport::Radiance);
         bounces.into_iter().flatten().for_each(|bounce| chains.push(at, &from, bounce, None));
         Rgb::BLACK
+    }
+}
+
+impl ChainEmission {
+    #[inline]
+    fn add(&mut self, radiance: Rgb, is_faint: bool) {
+        self.all += radiance;
+        if is_faint {
+            self.faint += radiance;
+        }
     }
 }
 

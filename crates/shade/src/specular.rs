@@ -19,7 +19,7 @@ impl Shader<'_> {
                 * FRAC_1_PI
                 * self.irradiance(&leaf.point.facing, leaf.stream, leaf.is_glossy, work);
         });
-        emitted + sum
+        emitted.all + sum
     }
 
     /// Irradiance of all light at the end of a chain, on the side of the surface's normals.

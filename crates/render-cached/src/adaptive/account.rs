@@ -23,6 +23,19 @@ pub(crate) struct ErrorReport {
     pub(crate) held_out_pixels: u64,
 }
 
+impl ErrorReport {
+    /// This, but for a share of the pixels, of which `other` tells.
+    pub(crate) fn with(self, other: Self, share: f64) -> Self {
+        let mean = |a: f64, b: f64| a + (b - a) * share;
+        Self {
+            target: self.target,
+            measured_mean: mean(self.measured_mean, other.measured_mean),
+            measured_p995: mean(self.measured_p995, other.measured_p995),
+            held_out_pixels: self.held_out_pixels + other.held_out_pixels,
+        }
+    }
+}
+
 /// Runs the work of components and books its time; all other time is the cache's own.
 pub(crate) struct Account<'x, 'a> {
     pub(crate) frame: &'x Frame<'a>,

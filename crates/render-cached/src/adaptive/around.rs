@@ -40,6 +40,11 @@ impl Around {
         Self { records, index, new: Vec::new(), reach: REACH * diagonal }
     }
 
+    /// How far away others may tell of a place, in world units.
+    pub(crate) fn reach(&self) -> f32 {
+        self.reach
+    }
+
     /// Values at some places, which have numbers: `is_good` judges what those around the n-th say, `compute` does the others.
     /// What was told counts as interpolated.
     ///

@@ -1,11 +1,15 @@
 //! Direct light: unshadowed irradiance in closed form, times cached visibility, verified by rays.
 
 use base::{Component, ImageSize, Interrupted, Pixel, Rgb};
-use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance, refine};
+use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance, Value, refine};
+
+use geometry::Surface;
+use shade::{PixelStream, Shader, Work};
 
 use super::clear::Clear;
 use super::indirect::Indirect;
 use super::records::{Saved, Source};
+use super::subpixels::Corners;
 use super::{Account, COARSEST, View};
 
 /// Lights whose visibility is cached each on its own. The others share one, by channel; so do those of many colors.
@@ -28,6 +32,19 @@ pub(crate) struct Direct {
     rest: Option<Rest>,
     /// Luminance of the whole irradiance.
     luminance: Vec<f32>,
+}
+
+/// What isn't known of direct light between pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lack {
+    /// A light, or those that share a visibility.
+    pub(super) part: usize,
+    /// Irradiance as it is predicted, or radiance.
+    pub(super) radiance: Rgb,
+    /// Whether it is predicted to be lit.
+    pub(super) is_lit: bool,
+    /// Whether the prediction holds unless a ray says otherwise.
+    pub(super) is_doubtful: bool,
 }
 
 /// A light with its visibility at every pixel.
@@ -107,6 +124,101 @@ impl Direct {
     #[inline]
     pub(crate) fn luminance(&self, index: usize) -> f32 {
         self.luminance[index]
+    }
+
+    /// Irradiance between pixels, given that of all else: without the parts (lights, and those that share a visibility) whose
+    /// visibility differs too much between the corners, or is in doubt since other surfaces lie around. `lack` is told these.
+    #[inline]
+    pub(super) fn between(
+        &self,
+        corners: &Corners,
+        others: f32,
+        tolerance: Tolerance,
+        lack: &mut impl FnMut(Lack),
+    ) -> Rgb {
+        let n = self.lights.len();
+        let of_light = |light: &CachedLight| {
+            let unshadowed = corners.blend(|i| light.unshadowed[i]);
+            let visibility = corners.blend(|i| light.visibility.values[i]);
+            (unshadowed * visibility, unshadowed.luminance(), visibility)
+        };
+        let mut sum = Rgb::BLACK;
+        let mut found = [(Rgb::BLACK, 0.0, 0.0); MAX_SEPARATE];
+        for (found, light) in found.iter_mut().zip(&self.lights) {
+            *found = of_light(light);
+            sum += found.0;
+        }
+        let of_rest = self.rest.as_ref().map(|rest| {
+            let unshadowed = corners.blend(|i| rest.unshadowed[i]);
+            (unshadowed * corners.blend(|i| rest.visibility.values[i]), unshadowed.luminance())
+        });
+        sum += of_rest.map_or(Rgb::BLACK, |rest| rest.0);
+        let all = others + sum.luminance();
+        for (part, (light, &(radiance, unshadowed, visibility))) in
+            self.lights.iter().zip(&found).enumerate()
+        {
+            let span = corners.span(|i| light.visibility.values[i]);
+            let is_sure = !(SURELY_DARK..=SURELY_LIT).contains(&visibility);
+            let is_doubtful = !corners.is_whole && is_sure && unshadowed > tolerance.error * all;
+            if unshadowed * span > tolerance.edge * all {
+                lack(Lack { part, radiance, is_lit: false, is_doubtful: false });
+                sum = sum - radiance;
+            } else if is_doubtful {
+                lack(Lack { part, radiance, is_lit: visibility > 0.5, is_doubtful });
+                sum = sum - radiance;
+            }
+        }
+        if let (Some(rest), Some((radiance, unshadowed))) = (&self.rest, of_rest) {
+            let span = corners.span(|i| rest.visibility.values[i]);
+            if unshadowed * span > tolerance.edge * all {
+                lack(Lack { part: n, radiance, is_lit: false, is_doubtful: false });
+                sum = sum - radiance;
+            }
+        }
+        sum.map(|v| v.max(0.0))
+    }
+
+    /// Whether no light's visibility makes irradiance differ by more between the corners of a cell.
+    #[inline]
+    pub(super) fn is_even(&self, cell: &[usize; 4], most: f32) -> bool {
+        let is_even = |light: &CachedLight| {
+            let values = cell.map(|i| light.visibility.values[i]);
+            let differs =
+                |v: &f32| (v - values[0]).abs() * light.unshadowed[cell[0]].luminance() > most;
+            !values.iter().any(differs)
+        };
+        let rest_is_even = |rest: &Rest| {
+            let values = cell.map(|i| rest.visibility.values[i]);
+            let differs =
+                |v: &Rgb| (*v - values[0]).size() * rest.unshadowed[cell[0]].luminance() > most;
+            !values.iter().any(differs)
+        };
+        self.lights.iter().all(is_even) && self.rest.as_ref().is_none_or(rest_is_even)
+    }
+
+    /// The light that a part is, if it is one.
+    pub(super) fn light(&self, part: usize) -> Option<usize> {
+        self.lights.get(part).map(|light| light.light)
+    }
+
+    /// Irradiance of a part at a surface, computed.
+    pub(super) fn compute(
+        &self,
+        part: usize,
+        shader: &Shader<'_>,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> Rgb {
+        match (self.lights.get(part), &self.rest) {
+            (Some(light), _) => shader.irradiance_from(light.light, surface, stream, work),
+            (None, Some(rest)) => {
+                let rays = shared_rays(shader);
+                shader.unshadowed_irradiance(&rest.lights, surface, stream)
+                    * shader.visibility_of_lights(&rest.lights, surface, stream, rays, work)
+            }
+            (None, None) => Rgb::BLACK,
+        }
     }
 
     /// All that is known of direct light, for good.
@@ -218,7 +330,7 @@ impl Direct {
         }
         if let Some(Rest { lights, unshadowed, visibility, source }) = &mut self.rest {
             let rule = RestRule { view, unshadowed, known: &known, floor: indirect.floor() };
-            let rays = (shader.settings.shadow_rays * MAX_SEPARATE as u32).max(FEWEST_SHARED_RAYS);
+            let rays = shared_rays(shader);
             // Their chance is no structure.
             let noise = 0.5 / (rays as f32).sqrt();
             let tolerance = Tolerance { error: tolerance.error + noise, ..tolerance };
@@ -240,6 +352,11 @@ impl Direct {
         self.luminance = (0..known.len()).map(|i| self.irradiance(i).luminance()).collect();
         Ok(())
     }
+}
+
+/// Shadow rays of the lights that share a visibility.
+fn shared_rays(shader: &Shader<'_>) -> u32 {
+    (shader.settings.shadow_rays * MAX_SEPARATE as u32).max(FEWEST_SHARED_RAYS)
 }
 
 struct LightRule<'x> {

@@ -111,7 +111,7 @@ impl Glossy {
         let Some(layers) = &mut self.layers else { return Ok(()) };
         let sums = follow(&self.pixels, layers.is_followed, view, finished, account)?;
         for (&pixel, (emitted, found, has_rest)) in self.pixels.iter().zip(sums) {
-            let i = view.size().index(pixel);
+            let i = layers.lattice.size().index(pixel);
             layers.emitted[i] += emitted;
             (layers.found[i], layers.has_rest[i]) = (found, has_rest);
         }
@@ -132,10 +132,9 @@ impl Glossy {
             self.look_up(view, finished, account)?;
         }
         let Some(layers) = &mut self.layers else { return Ok(()) };
-        let size = view.size();
         let Layers { lattice, tint, emitted, found, has_rest, rest, .. } = layers;
         let known = |i: usize| (sharp(i) + emitted[i] + found[i]).luminance();
-        let known: Vec<f32> = (0..size.n_pixels()).map(known).collect();
+        let known: Vec<f32> = (0..lattice.size().n_pixels()).map(known).collect();
         let rule = GlossyRule { tint, has_rest, known: &known, floor: finished.floor };
         let shader = account.frame.shader();
         refine(lattice, rest, COARSEST, &rule, tolerance, &mut |pixels: &[Pixel]| {
@@ -178,7 +177,7 @@ fn follow(
             shader.chain_ends(point, stream, work, |leaf, _| arrive(leaf));
             Rgb::BLACK
         } else {
-            shader.chain(point, stream, work, |leaf, _| arrive(leaf))
+            shader.chain(point, stream, work, |leaf, _| arrive(leaf)).all
         };
         (emitted, found, has_rest)
     })

@@ -10,6 +10,9 @@ const SHARE: f64 = 0.002;
 const FEWEST: usize = 1000;
 const MOST: usize = 1500;
 
+/// The same of subpixels between those that the cache works on: what is wrong with these is known by then.
+const BETWEEN: usize = 1000;
+
 /// FLIP looks at a picture through the filters of the eye, which a lone pixel can't have; they take away this share of the
 /// error. Measured against FLIP itself on the scenes of this project, where it lies between 0.09 and 0.18.
 const FILTERED_AWAY: f64 = 0.13;
@@ -34,9 +37,27 @@ pub(crate) struct HeldOut {
 impl HeldOut {
     /// Chooses and computes them.
     pub(crate) fn compute(args: &Args, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
+        let size = account.frame.size();
+        // Subpixels are more, but what is to be known is the same.
+        let share = SHARE / f64::from(args.supersample / account.frame.step()).powi(2);
+        let n = ((size.n_pixels() as f64 * share) as usize).clamp(FEWEST, MOST);
+        Self::of(choose(size, n, args.seed, 0), account)
+    }
+
+    /// The same of subpixels that aren't the first of their pixel, of so many each way.
+    pub(crate) fn between(
+        args: &Args,
+        n: u32,
+        account: &mut Account<'_, '_>,
+    ) -> Result<Self, Interrupted> {
+        let mut pixels = choose(account.frame.size(), BETWEEN, args.seed, 1);
+        pixels.retain(|p| p.x % n != 0 || p.y % n != 0);
+        Self::of(pixels, account)
+    }
+
+    fn of(pixels: Vec<Pixel>, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
         let frame = account.frame;
         let shader = frame.shader();
-        let pixels = choose(frame.size(), args.supersample, args.seed);
         let truth = account.probe(&pixels, |&pixel, work| {
             frame.at(pixel, work, |point, stream, work| {
                 let values = Components {
@@ -109,11 +130,10 @@ impl HeldOut {
     }
 }
 
-fn choose(size: ImageSize, supersample: u32, seed: u64) -> Vec<Pixel> {
-    // Subpixels are more, but what is to be known is the same.
-    let share = SHARE / f64::from(supersample).powi(2);
-    let n = ((size.n_pixels() as f64 * share) as usize).clamp(FEWEST, MOST).min(size.n_pixels());
-    let mut rng = Rng::new(seed, Stream::HoldOut, 0);
+/// About so many random pixels.
+fn choose(size: ImageSize, n: usize, seed: u64, which: u64) -> Vec<Pixel> {
+    let n = n.min(size.n_pixels());
+    let mut rng = Rng::new(seed, Stream::HoldOut, which);
     // One in each of n stretches of the picture, so that none is taken twice.
     let stretch = |i: usize| i * size.n_pixels() / n;
     let mut pixels: Vec<usize> = (0..n)

@@ -12,15 +12,17 @@ use cache_map::{
     same_surface,
 };
 use geometry::Surface;
-use glam::Vec2;
+use glam::{Vec2, Vec3A};
 use rayon::prelude::*;
-use shade::Work;
+use scene::Material;
+use shade::{ChainEmission, ChainLeaf, Work};
 
 use super::around::{Around, Known};
 use super::caustic::Caustic;
 use super::direct::Direct;
 use super::indirect::Indirect;
 use super::records::{CLOSE, Place, Saved, Source};
+use super::subpixels::Cells;
 use super::{Account, View};
 use crate::frame::Frame;
 
@@ -33,6 +35,9 @@ const FEWEST: usize = 64;
 /// Other ends may be farther away than neighbors on a lattice, and must agree the better: to this part of the tolerance.
 const FROM_AFAR: f32 = 0.5;
 
+/// Of an end with less weight so little is seen that it may be there by chance, or not; see [`Shader::chain`].
+const LITTLE: f32 = 0.03 * FRAC_1_PI;
+
 /// Pixels whose chains are followed together.
 const TOGETHER: usize = 16;
 
@@ -42,6 +47,7 @@ const TOGETHER: usize = 16;
 struct Leaf {
     path: u64,
     pixel: u32,
+    is_faint: bool,
     /// What is left on the way to the eye, times albedo over pi.
     weight: Rgb,
     site: SurfacePoint,
@@ -93,7 +99,10 @@ pub(crate) struct Leaves {
     traced: Vec<Option<(Rgb, Reason)>>,
     /// What surfaces emit and what lies beyond the scene, by pixel.
     emitted: Grid<Rgb>,
-    /// All of it, once the irradiance at the ends is known.
+    /// The same of the pixels where there is any, as chains tell it.
+    emissions: Vec<(Pixel, ChainEmission)>,
+    /// Irradiance at all leaves, and radiance of all pixels, once that is known.
+    irradiance: Vec<Rgb>,
     radiance: Vec<Rgb>,
     /// The pixels whose chains have glossy ends, too: these ends are left to [`super::glossy`].
     glossy: Vec<Pixel>,
@@ -108,46 +117,33 @@ impl Leaves {
         saved: &Saved,
         account: &mut Account<'_, '_>,
     ) -> Result<Self, Interrupted> {
-        let size = frame.size();
-        let shader = frame.shader();
-        let materials = &shader.scene.materials;
-        let is_sharp = |s: &Surface| {
-            let material = &materials[s.material.0 as usize];
-            material.is_specular() && !material.is_rough()
-        };
+        let materials = &frame.shader().scene.materials;
+        let is_sharp = |s: &Surface| begins_sharply(&materials[s.material.0 as usize]);
         let pixels: Vec<Pixel> = frame.pixels_that_show(is_sharp).collect();
-        // Some pixels at a time share their vectors: one for each would be as long as chains rarely are.
-        let groups: Vec<&[Pixel]> = pixels.chunks(TOGETHER).collect();
-        let chains = account.fleeting(Component::Specular, &groups, |group, work| {
-            let (mut shown, mut leaves) = (Vec::with_capacity(group.len()), Vec::new());
-            for &pixel in *group {
-                let mut is_glossy = false;
-                let sum = frame.at(pixel, work, |point, stream, work| {
-                    let pixel = size.index(pixel) as u32;
-                    shader.chain(point, stream, work, |leaf, _| {
-                        is_glossy |= leaf.is_glossy;
-                        if !leaf.is_glossy {
-                            let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
-                            let site = site_of(&leaf.point.facing);
-                            leaves.push(Leaf { path: leaf.path, pixel, weight, site });
-                        }
-                    })
-                });
-                shown.push((pixel, sum, is_glossy));
-            }
-            (shown, leaves)
-        })?;
-        let mut emitted = Grid::from_fn(size, |_| Rgb::BLACK);
-        let mut glossy = Vec::new();
-        for &(pixel, sum, is_glossy) in chains.iter().flat_map(|c| &c.0) {
-            emitted[pixel] = sum;
+        let chains = follow(frame, &pixels, |&pixel| (pixel, true), account)?;
+        let mut emitted = Grid::from_fn(frame.size(), |_| Rgb::BLACK);
+        let (mut emissions, mut glossy) = (Vec::new(), Vec::new());
+        for &(pixel, emission, is_glossy) in chains.iter().flat_map(|c| &c.0) {
+            emitted[pixel] = emission.all;
+            emissions.extend((!emission.all.is_black()).then_some((pixel, emission)));
             glossy.extend(is_glossy.then_some(pixel));
         }
         let leaves = by_path(chains.iter().flat_map(|c| &c.1));
         let traced = vec![None; leaves.len()];
         let source = saved.source(&saved.set.leaves);
-        let around = Around::new(shader.scene.bounds().diagonal());
-        Ok(Self { leaves, traced, emitted, radiance: Vec::new(), glossy, source, around })
+        let around = Around::new(frame.shader().scene.bounds().diagonal());
+        let (irradiance, radiance) = (Vec::new(), Vec::new());
+        Ok(Self {
+            leaves,
+            traced,
+            emitted,
+            emissions,
+            irradiance,
+            radiance,
+            glossy,
+            source,
+            around,
+        })
     }
 
     /// All that is known of the ends of chains, for good.
@@ -246,12 +242,260 @@ impl Leaves {
 
         self.radiance.clear();
         self.radiance.extend_from_slice(self.emitted.values());
-        for (i, leaf) in self.leaves.iter().enumerate() {
-            let value = self.traced[i].map_or(irradiance[i], |traced| traced.0);
-            self.radiance[leaf.pixel as usize] += leaf.weight * value;
+        for ((leaf, traced), value) in
+            self.leaves.iter().zip(&self.traced).zip(irradiance.iter_mut())
+        {
+            if let Some((traced, _)) = traced {
+                *value = *traced;
+            }
+            self.radiance[leaf.pixel as usize] += leaf.weight * *value;
         }
+        self.irradiance = irradiance;
         Ok(())
     }
+}
+
+/// What each pixel shows by chains, once all is known.
+pub(super) struct ByPixel {
+    /// Leaves, those of a pixel by path. Where those of a pixel begin, and at last the number of all.
+    first: Vec<u32>,
+    leaves: Vec<u32>,
+    /// Radiance by branches that carry little.
+    faint: Vec<Rgb>,
+    /// Whether the other branches show what emits.
+    is_lit: Vec<bool>,
+    /// Whether a pixel has glossy ends, too; empty if none has.
+    is_glossy: Vec<bool>,
+}
+
+impl ByPixel {
+    fn of(&self, pixel: usize) -> &[u32] {
+        &self.leaves[self.first[pixel] as usize..self.first[pixel + 1] as usize]
+    }
+
+    /// Radiance by branches that carry little.
+    pub(super) fn faint(&self, pixel: usize) -> Rgb {
+        self.faint[pixel]
+    }
+
+    pub(super) fn has_glossy(&self, pixel: usize) -> bool {
+        self.is_glossy.get(pixel) == Some(&true)
+    }
+}
+
+/// What a pixel shows whose chains were followed.
+pub(super) struct Followed {
+    pub(super) radiance: Rgb,
+    /// Why an end of them was computed, if one was.
+    pub(super) reason: Reason,
+    /// Whether there are glossy ends, which aren't part of the radiance.
+    pub(super) is_glossy: bool,
+}
+
+impl Leaves {
+    /// Sorts the leaves by their pixels.
+    pub(super) fn by_pixel(&self, n_pixels: usize) -> ByPixel {
+        let mut first = vec![0; n_pixels + 1];
+        for leaf in &self.leaves {
+            first[leaf.pixel as usize + 1] += 1;
+        }
+        for i in 0..n_pixels {
+            first[i + 1] += first[i];
+        }
+        let mut leaves = vec![0; self.leaves.len()];
+        let mut next = first.clone();
+        for (i, leaf) in self.leaves.iter().enumerate() {
+            let place = &mut next[leaf.pixel as usize];
+            leaves[*place as usize] = i as u32;
+            *place += 1;
+        }
+        let mut is_glossy = Vec::new();
+        if !self.glossy.is_empty() {
+            is_glossy.resize(n_pixels, false);
+            let size = self.emitted.size();
+            self.glossy.iter().for_each(|&pixel| is_glossy[size.index(pixel)] = true);
+        }
+        let (mut faint, mut is_lit) = (vec![Rgb::BLACK; n_pixels], vec![false; n_pixels]);
+        for &(pixel, ChainEmission { all, faint: part }) in &self.emissions {
+            let i = self.emitted.size().index(pixel);
+            (faint[i], is_lit[i]) = (part, all != part);
+        }
+        for (leaf, &irradiance) in self.leaves.iter().zip(&self.irradiance) {
+            if leaf.is_faint {
+                faint[leaf.pixel as usize] += leaf.weight * irradiance;
+            }
+        }
+        ByPixel { first, leaves, faint, is_lit, is_glossy }
+    }
+
+    /// Whether the chains of two pixels go the same ways to the same surfaces, with no emitter on them or between; but for those of
+    /// which little is seen. Emitters are given as spheres around them.
+    pub(super) fn agree(
+        &self,
+        by_pixel: &ByPixel,
+        emitters: &[(Vec3A, f32)],
+        a: usize,
+        b: usize,
+    ) -> bool {
+        if by_pixel.is_lit[a] || by_pixel.is_lit[b] {
+            return false;
+        }
+        let reach = self.around.reach();
+        let is_little = |leaf: &Leaf| leaf.is_faint || leaf.weight.max_channel() < LITTLE;
+        let leaf = |&i: &u32| &self.leaves[i as usize];
+        let mut others = by_pixel.of(b).iter().map(leaf).peekable();
+        for leaf in by_pixel.of(a).iter().map(leaf) {
+            while let Some(other) = others.next_if(|other| other.path < leaf.path) {
+                if !is_little(other) {
+                    return false;
+                }
+            }
+            match others.next_if(|other| other.path == leaf.path) {
+                Some(other) => {
+                    let (p, q) = (leaf.site.position.into(), other.site.position.into());
+                    let (between, apart) = (Vec3A::midpoint(p, q), Vec3A::distance(p, q));
+                    let is_near = |&(center, radius): &(Vec3A, f32)| {
+                        between.distance_squared(center) < (radius + apart) * (radius + apart)
+                    };
+                    let is_bright = !(leaf.is_faint && other.is_faint);
+                    let is_other = (!same_surface(&leaf.site, &other.site) || apart > reach)
+                        && !(is_little(leaf) && is_little(other));
+                    if is_other || is_bright && emitters.iter().any(is_near) {
+                        return false;
+                    }
+                }
+                None if is_little(leaf) => {}
+                _ => return false,
+            }
+        }
+        others.all(is_little)
+    }
+
+    /// Follows the chains of subpixels between the pixels that these leaves are of; what comes by branches that carry little is
+    /// known of most. What isn't in view is told by the ends of the
+    /// same path around, by all ends that were computed before, or computed.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "where chains begin, and all that tells of their ends"
+    )]
+    pub(super) fn between(
+        &mut self,
+        by_pixel: &ByPixel,
+        pixels: &[(Pixel, Option<Rgb>)],
+        cells: Cells,
+        view: &View,
+        finished: &Finished,
+        tolerance: Tolerance,
+        account: &mut Account<'_, '_>,
+    ) -> Result<Vec<Followed>, Interrupted> {
+        let frame = account.frame;
+        let size = frame.size();
+        let chains = follow(frame, pixels, |&(pixel, faint)| (pixel, faint.is_none()), account)?;
+        let ends = || chains.iter().flat_map(|c| &c.1);
+        let leaves: Vec<Leaf> = ends().copied().collect();
+        let found = account.overhead(&leaves, |leaf, _| look_up(&leaf.site, view, finished))?;
+        let mut known = vec![0.0; size.n_pixels()];
+        let emissions = || chains.iter().flat_map(|c| &c.0).zip(pixels);
+        for ((pixel, emission, _), (_, faint)) in emissions() {
+            known[size.index(*pixel)] = (emission.all + faint.unwrap_or_default()).luminance();
+        }
+        for (leaf, found) in leaves.iter().zip(&found) {
+            known[leaf.pixel as usize] += found.map_or(0.0, |e| (leaf.weight * e).luminance());
+        }
+        let rule = LeafRule { leaves: &leaves, known: &known, floor: finished.floor };
+        let tell = |i: usize| {
+            let leaf = &leaves[i];
+            let same = |pixel: usize| {
+                let mut all = by_pixel.of(pixel).iter().map(|&other| other as usize);
+                all.find(|&other| {
+                    let other = &self.leaves[other];
+                    other.path == leaf.path && same_surface(&other.site, &leaf.site)
+                })
+            };
+            let around = cells.around(size.pixel(leaf.pixel as usize), |p| same(p).is_some())?;
+            let of = |pixel: usize| same(pixel).map_or(Rgb::BLACK, |i| self.irradiance[i]);
+            let is_close = |(pixel, _): (usize, f32)| {
+                same(pixel).is_some_and(|other| {
+                    let other = &self.leaves[other].site;
+                    other.position.distance(leaf.site.position) <= self.around.reach()
+                })
+            };
+            let (value, span) = (around.blend(of), around.span(of));
+            let is_even = rule.gain(i) * span <= tolerance.edge * rule.reference(i, value);
+            (is_even && around.iter().all(is_close)).then_some(value)
+        };
+        let numbers: Vec<usize> = (0..leaves.len()).collect();
+        let found: Vec<Option<Rgb>> =
+            account.overhead(&numbers, |&i, _| found[i].or_else(|| tell(i)))?;
+        let missing: Vec<usize> = numbers.into_iter().filter(|&i| found[i].is_none()).collect();
+        let source = Saved::default().exact_source(&Records::default());
+        let mut ends = Ends { leaves: &leaves, source: &source, around: &mut self.around };
+        let computed = ends.fill(&rule, tolerance, &missing, |_| 0, account)?;
+
+        let mut irradiance: Vec<Rgb> = found.into_iter().map(Option::unwrap_or_default).collect();
+        let mut reasons = vec![Reason::Interpolated; leaves.len()];
+        for (&i, (value, reason)) in missing.iter().zip(computed) {
+            (irradiance[i], reasons[i]) = (value, reason.unwrap_or(Reason::NoNeighbours));
+        }
+        let mut all = leaves.iter().zip(irradiance).zip(reasons).peekable();
+        let followed = emissions().map(|(&(pixel, emission, is_glossy), (_, faint))| {
+            let pixel = size.index(pixel) as u32;
+            let radiance = emission.all + faint.unwrap_or_default();
+            let mut shown = Followed { radiance, reason: Reason::Interpolated, is_glossy };
+            while let Some(((leaf, value), reason)) = all.next_if(|l| l.0.0.pixel == pixel) {
+                shown.radiance += leaf.weight * value;
+                if reason.is_traced() {
+                    shown.reason = reason;
+                }
+            }
+            shown
+        });
+        Ok(followed.collect())
+    }
+}
+
+/// Whether chains begin at a surface of this material in few directions, each for sure.
+pub(super) fn begins_sharply(material: &Material) -> bool {
+    material.is_specular() && !material.is_rough()
+}
+
+/// Some pixels with what surfaces emit along their chains and whether these have glossy ends, and the other ends.
+type Chains = (Vec<(Pixel, ChainEmission, bool)>, Vec<Leaf>);
+
+/// Follows the chains of some pixels, in groups: `of` tells the pixel, and whether with the branches that carry little.
+fn follow<T: Sync>(
+    frame: &Frame<'_>,
+    items: &[T],
+    of: impl Fn(&T) -> (Pixel, bool) + Sync,
+    account: &mut Account<'_, '_>,
+) -> Result<Vec<Chains>, Interrupted> {
+    let (size, shader) = (frame.size(), frame.shader());
+    // Some pixels at a time share their vectors: one for each would be as long as chains rarely are.
+    let groups: Vec<&[T]> = items.chunks(TOGETHER).collect();
+    account.fleeting(Component::Specular, &groups, |group, work| {
+        let (mut shown, mut leaves) = (Vec::with_capacity(group.len()), Vec::new());
+        for (pixel, with_faint) in group.iter().map(&of) {
+            let mut is_glossy = false;
+            let mut arrive = |leaf: ChainLeaf<'_>| {
+                is_glossy |= leaf.is_glossy;
+                if !leaf.is_glossy {
+                    let ChainLeaf { path, is_faint, .. } = leaf;
+                    let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
+                    let (pixel, site) = (size.index(pixel) as u32, site_of(&leaf.point.facing));
+                    leaves.push(Leaf { path, pixel, is_faint, weight, site });
+                }
+            };
+            let emission = frame.at(pixel, work, |point, stream, work| match with_faint {
+                true => shader.chain(point, stream, work, |leaf, _| arrive(leaf)),
+                false => {
+                    let all = shader.bright_chain(point, stream, work, |leaf, _| arrive(leaf));
+                    ChainEmission { all, faint: Rgb::BLACK }
+                }
+            });
+            shown.push((pixel, emission, is_glossy));
+        }
+        (shown, leaves)
+    })
 }
 
 /// Leaves by path, those of a path in the order in which they come.
@@ -302,7 +546,7 @@ fn place(leaves: &[Leaf], index: usize) -> Place {
 /// Irradiance at the end of a chain from the four pixels around its place in the primary view, if all show its surface.
 pub(super) fn look_up(site: &SurfacePoint, view: &View, finished: &Finished) -> Option<Rgb> {
     let size = view.size();
-    let at = view.project(site.position.into())? - 0.5;
+    let at = view.project(site.position.into())?;
     let low = at.floor();
     let last = Vec2::new(size.width as f32, size.height as f32) - 1.0;
     if low.cmplt(Vec2::ZERO).any() || low.cmpge(last).any() {

@@ -16,11 +16,12 @@ mod leaves;
 mod primary;
 mod records;
 mod strictness;
+mod subpixels;
 mod view;
 mod whole;
 
 use base::{Component, Components, Grid, Inventory, Rgb, math::FRAC_1_PI};
-use cache_map::{Layer, Reason, RecordSet};
+use cache_map::{Reason, RecordSet};
 use cli::Clock;
 use rayon::prelude::*;
 
@@ -31,9 +32,12 @@ use crate::render::{Progress, Rendered};
 pub(crate) use account::{Account, ErrorReport, origins};
 pub(crate) use view::View;
 
+use glossy::Glossy;
 use holdout::HeldOut;
+use leaves::Leaves;
 use primary::Primary;
 use strictness::Strictness;
+use subpixels::Coarse;
 
 /// The widest spacing of a lattice, in pixels.
 const COARSEST: u32 = 16;
@@ -65,6 +69,10 @@ pub(crate) fn render(
         rendered.cache += cache;
         return Ok(rendered);
     }
+    let fine = frame;
+    let coarse = subpixels::coarse(args, fine);
+    let frame = coarse.as_ref().unwrap_or(fine);
+    account.frame = frame;
     let view = View::new(frame);
     let mut strictness = Strictness::new(args.error, frame.shader().is_gathering());
     let mut primary = Primary::start(&view, &saved, args.error, &strictness, &mut account)?;
@@ -84,8 +92,8 @@ pub(crate) fn render(
         strictness.tighten(&report, factor);
         primary.improve(report.worst, &view, factor, &strictness, &mut account)?;
     }
-    let mut specular = leaves::Leaves::start(frame, &saved, &mut account)?;
-    let mut glossy = glossy::Glossy::start(frame, specular.glossy_pixels());
+    let mut specular = Leaves::start(frame, &saved, &mut account)?;
+    let mut glossy = Glossy::start(frame, specular.glossy_pixels());
     let mut round = 0;
     let mut view_is_better = false;
     let error = loop {
@@ -111,12 +119,11 @@ pub(crate) fn render(
     if view_is_better {
         glossy.look_up(&view, &primary.finished(&view), &mut account)?;
     }
-    let Primary { direct, indirect, caustic } = primary;
-
     saved.check_untouched()?;
     if let Some(path) = &args.paper.save_cache {
         let views = saved.set.views;
         let mut set = RecordSet { views, ..RecordSet::default() };
+        let Primary { direct, indirect, caustic } = &primary;
         direct.record(&view, &mut set);
         set.indirect = indirect.records(&view);
         set.caustic = caustic.records(&view, frame.shader().settings.caustic.max_radius);
@@ -126,6 +133,25 @@ pub(crate) fn render(
             !(direct.uses_nearby() || is_nearby(&indirect.layer.reasons) || specular.uses_nearby());
         records::save(path, args, frame, inputs, &mut set, is_complete)?;
     }
+    let (reasons, levels) = history(&primary, &specular, &glossy, frame.size().n_pixels());
+    if coarse.is_some() {
+        let finished = primary.finished(&view);
+        let coarse = Coarse {
+            frame,
+            view: &view,
+            primary: &primary,
+            finished: &finished,
+            strictness: &strictness,
+        };
+        account.frame = fine;
+        let shown = subpixels::render(&coarse, &mut specular, (reasons, levels), &mut account)?;
+        let n = frame.step() / fine.step();
+        let held_out = HeldOut::between(args, n, &mut account)?;
+        let at = |i: usize, _| Some(Components::from_fn(|c| shown.values[c].values()[i]));
+        let between = held_out.measure(args, fine.size(), at, |_| false).estimate;
+        let error = error.with(between, 1.0 - 1.0 / f64::from(n * n));
+        return Ok(account.finish(shown.values, shown.reasons, shown.levels, error));
+    }
     // One component after the other, each freed when its radiance is there.
     let (size, n) = (frame.size(), frame.size().n_pixels());
     let grid = |radiance: &(dyn Fn(usize) -> Rgb + Sync)| {
@@ -133,33 +159,41 @@ pub(crate) fn render(
         Grid::from_values(size, values)
     };
     let diffuse = |i: usize, irradiance: Rgb| view.albedo(i) * FRAC_1_PI * irradiance;
+    let Primary { direct, indirect, caustic } = primary;
     let of_direct = grid(&|i| diffuse(i, direct.irradiance(i)));
-    let (direct_reasons, direct_levels) = (direct.reasons(), direct.levels());
     drop(direct);
     let of_indirect = grid(&|i| diffuse(i, indirect.irradiance(i)));
-    let Layer { reasons: indirect_reasons, levels: indirect_levels, .. } = indirect.layer;
-    let of_caustic = grid(&|i| diffuse(i, caustic.irradiance(i)));
-    let Layer { reasons: caustic_reasons, levels: caustic_levels, .. } = caustic.layer;
-    let of_specular = grid(&|i| specular.radiance(i) + glossy.radiance(i));
-    let (mut specular_reasons, mut specular_levels) = (specular.reasons(), vec![0; n]);
-    glossy.tell(&mut specular_reasons, &mut specular_levels);
+    drop(indirect);
     let values = Components {
         direct: of_direct,
         indirect: of_indirect,
-        specular: of_specular,
-        caustic: of_caustic,
-    };
-    let reasons = Components {
-        direct: direct_reasons,
-        indirect: indirect_reasons,
-        specular: specular_reasons,
-        caustic: caustic_reasons,
-    };
-    let levels = Components {
-        direct: direct_levels,
-        indirect: indirect_levels,
-        specular: specular_levels,
-        caustic: caustic_levels,
+        specular: grid(&|i| specular.radiance(i) + glossy.radiance(i)),
+        caustic: grid(&|i| diffuse(i, caustic.irradiance(i))),
     };
     Ok(account.finish(values, reasons, levels, error))
+}
+
+/// Why values were computed, and from which step on they were predicted, at so many pixels.
+fn history(
+    primary: &Primary,
+    specular: &Leaves,
+    glossy: &Glossy,
+    n_pixels: usize,
+) -> (Components<Vec<Reason>>, Components<Vec<u8>>) {
+    let Primary { direct, indirect, caustic } = primary;
+    let (mut specular_reasons, mut specular_levels) = (specular.reasons(), vec![0; n_pixels]);
+    glossy.tell(&mut specular_reasons, &mut specular_levels);
+    let reasons = Components {
+        direct: direct.reasons(),
+        indirect: indirect.layer.reasons.clone(),
+        specular: specular_reasons,
+        caustic: caustic.layer.reasons.clone(),
+    };
+    let levels = Components {
+        direct: direct.levels(),
+        indirect: indirect.layer.levels.clone(),
+        specular: specular_levels,
+        caustic: caustic.layer.levels.clone(),
+    };
+    (reasons, levels)
 }

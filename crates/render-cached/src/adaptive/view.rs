@@ -2,11 +2,13 @@
 
 use base::{Grid, ImageSize, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{Lattice, SurfacePoint};
+use geometry::Surface;
 use glam::{Vec2, Vec3A};
 use rayon::prelude::*;
-use scene::Camera;
+use scene::{Camera, Scene};
 
 use super::COARSEST;
+use super::leaves::site_of;
 use super::records::Place;
 use crate::frame::Frame;
 
@@ -18,6 +20,9 @@ pub(crate) struct View {
     pub(crate) lattice: Lattice,
     albedo: Vec<Rgb>,
     camera: Camera,
+    /// The picture that its pixels are from, and how far apart they are in it.
+    whole: ImageSize,
+    step: u32,
 }
 
 impl View {
@@ -30,20 +35,16 @@ impl View {
             .with_min_len(4096)
             .map(|i| match &frame.surface(i) {
                 Some(surface) if scene.material(surface).is_diffuse() => {
-                    let to_eye = frame.eye(size.pixel(i)) - surface.position;
-                    let facing = surface.facing(to_eye);
-                    let site = SurfacePoint {
-                        position: facing.position.into(),
-                        normal: facing.shading_normal.into(),
-                    };
-                    (Some(site), scene.albedo_from(surface, to_eye.normalize_or_zero()))
+                    let (site, albedo) = as_seen(surface, frame.eye(size.pixel(i)), scene);
+                    (Some(site), albedo)
                 }
                 _ => (None, Rgb::BLACK),
             })
             .unzip_into_vecs(&mut sites, &mut albedo);
         let sites = Grid::from_values(size, sites);
         let lattice = Lattice::new(&sites, COARSEST);
-        Self { size, sites, lattice, albedo, camera: scene.camera }
+        let (whole, step) = (frame.window().whole, frame.step());
+        Self { size, sites, lattice, albedo, camera: scene.camera, whole, step }
     }
 
     pub(crate) fn size(&self) -> ImageSize {
@@ -70,9 +71,9 @@ impl View {
         depth * self.camera.pixel_extent(self.size) / slant.sqrt()
     }
 
-    /// Where a point is seen, in pixels; nothing behind the eye.
+    /// Where a point is seen, in pixels from the middle of the first; nothing behind the eye.
     pub(crate) fn project(&self, position: Vec3A) -> Option<Vec2> {
-        self.camera.project(self.size, position)
+        Some((self.camera.project(self.whole, position)? - 0.5) / self.step as f32)
     }
 
     /// The surface that a pixel shows, as records know it.
@@ -108,4 +109,12 @@ impl View {
     pub(crate) fn n_cells(&self) -> usize {
         self.size.width.div_ceil(COARSEST) as usize * self.size.height.div_ceil(COARSEST) as usize
     }
+}
+
+/// A surface on the side of the eye, and its albedo as seen from there.
+#[inline]
+pub(super) fn as_seen(surface: &Surface, eye: Vec3A, scene: &Scene) -> (SurfacePoint, Rgb) {
+    let to_eye = eye - surface.position;
+    let site = site_of(&surface.facing(to_eye));
+    (site, scene.albedo_from(surface, to_eye.normalize_or_zero()))
 }

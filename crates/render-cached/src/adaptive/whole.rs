@@ -12,7 +12,7 @@ use crate::original;
 use crate::render::{AdaptiveLayers, Progress, Rendered};
 
 /// A picture with fewer pixels that show a surface has too few between its lattices and its edges.
-const FEWEST_PIXELS: usize = 10_000;
+pub(super) const FEWEST_PIXELS: usize = 10_000;
 
 /// Computing a pixel must take as long as visiting so many photons. Measured on the scenes of this project: below, choosing
 /// and interpolating take as long.
@@ -27,7 +27,7 @@ const PROBES: usize = 64;
 /// Whether a cache saves time.
 pub(crate) fn cache_pays(account: &mut Account<'_, '_>) -> Result<bool, Interrupted> {
     let frame = account.frame;
-    let n_pixels = (0..frame.size().n_pixels()).filter(|&i| frame.shows_surface(i)).count();
+    let n_pixels = frame.n_surfaces();
     if n_pixels < FEWEST_PIXELS {
         return Ok(false);
     }
