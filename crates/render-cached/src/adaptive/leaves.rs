@@ -35,9 +35,6 @@ const FEWEST: usize = 64;
 /// Other ends may be farther away than neighbors on a lattice, and must agree the better: to this part of the tolerance.
 const FROM_AFAR: f32 = 0.5;
 
-/// Of an end with less weight so little is seen that it may be there by chance, or not; see [`Shader::chain`].
-const LITTLE: f32 = 0.03 * FRAC_1_PI;
-
 /// Pixels whose chains are followed together.
 const TOGETHER: usize = 16;
 
@@ -328,47 +325,55 @@ impl Leaves {
         ByPixel { first, leaves, faint, is_lit, is_glossy }
     }
 
-    /// Whether the chains of two pixels go the same ways to the same surfaces, with no emitter on them or between; but for those of
-    /// which little is seen. Emitters are given as spheres around them.
+    /// Whether the chains of two pixels go the same ways to the same surfaces and bring the same from there, to this part of what
+    /// the pixels show, with no emitter on them or between; but for those that bring little. Emitters are given as spheres
+    /// around them.
     pub(super) fn agree(
         &self,
         by_pixel: &ByPixel,
         emitters: &[(Vec3A, f32)],
+        tolerance: f32,
         a: usize,
         b: usize,
     ) -> bool {
         if by_pixel.is_lit[a] || by_pixel.is_lit[b] {
             return false;
         }
+        let most = tolerance * self.radiance[a].luminance();
         let reach = self.around.reach();
-        let is_little = |leaf: &Leaf| leaf.is_faint || leaf.weight.max_channel() < LITTLE;
-        let leaf = |&i: &u32| &self.leaves[i as usize];
-        let mut others = by_pixel.of(b).iter().map(leaf).peekable();
-        for leaf in by_pixel.of(a).iter().map(leaf) {
-            while let Some(other) = others.next_if(|other| other.path < leaf.path) {
-                if !is_little(other) {
+        let brought = |&i: &u32| {
+            let leaf = &self.leaves[i as usize];
+            (leaf, (leaf.weight * self.irradiance[i as usize]).luminance())
+        };
+        let is_little = |(leaf, radiance): &(&Leaf, f32)| leaf.is_faint || *radiance <= most;
+        let mut others = by_pixel.of(b).iter().map(brought).peekable();
+        for one in by_pixel.of(a).iter().map(brought) {
+            while let Some(other) = others.next_if(|other| other.0.path < one.0.path) {
+                if !is_little(&other) {
                     return false;
                 }
             }
-            match others.next_if(|other| other.path == leaf.path) {
-                Some(other) => {
-                    let (p, q) = (leaf.site.position.into(), other.site.position.into());
-                    let (between, apart) = (Vec3A::midpoint(p, q), Vec3A::distance(p, q));
-                    let is_near = |&(center, radius): &(Vec3A, f32)| {
-                        between.distance_squared(center) < (radius + apart) * (radius + apart)
-                    };
-                    let is_bright = !(leaf.is_faint && other.is_faint);
-                    let is_other = (!same_surface(&leaf.site, &other.site) || apart > reach)
-                        && !(is_little(leaf) && is_little(other));
-                    if is_other || is_bright && emitters.iter().any(is_near) {
-                        return false;
-                    }
+            let Some(other) = others.next_if(|other| other.0.path == one.0.path) else {
+                if is_little(&one) {
+                    continue;
                 }
-                None if is_little(leaf) => {}
-                _ => return false,
+                return false;
+            };
+            let ((leaf, radiance), (other, other_radiance)) = (one, other);
+            let (p, q) = (leaf.site.position.into(), other.site.position.into());
+            let (between, apart) = (Vec3A::midpoint(p, q), Vec3A::distance(p, q));
+            let is_near = |&(center, radius): &(Vec3A, f32)| {
+                between.distance_squared(center) < (radius + apart) * (radius + apart)
+            };
+            let differs = !same_surface(&leaf.site, &other.site)
+                && radiance.max(other_radiance) > most
+                || apart > reach && (radiance - other_radiance).abs() > most;
+            let is_bright = !(leaf.is_faint && other.is_faint);
+            if differs || is_bright && emitters.iter().any(is_near) {
+                return false;
             }
         }
-        others.all(is_little)
+        others.all(|other| is_little(&other))
     }
 
     /// Follows the chains of subpixels between the pixels that these leaves are of; what comes by branches that carry little is

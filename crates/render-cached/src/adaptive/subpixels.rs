@@ -433,8 +433,10 @@ impl Sweep<'_, '_> {
     /// Whether the corners of a cell show the same by mirrors and glass.
     fn chains_agree(&self, cell: &[usize; 4]) -> bool {
         let [first, others @ ..] = cell;
-        let agrees =
-            |&other: &usize| self.specular.agree(self.by_pixel, &self.emitters, *first, other);
+        let tolerance = self.tolerance.error;
+        let agrees = |&other: &usize| {
+            self.specular.agree(self.by_pixel, &self.emitters, tolerance, *first, other)
+        };
         others.iter().all(agrees)
     }
 
