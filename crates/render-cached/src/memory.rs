@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use cli::Need;
 use scene::{LightKind, Scene};
 
+use crate::adaptive::are_told;
 use crate::render::takes_all;
 use crate::tile::Extent;
 use crate::{Args, Indirect, Mode};
@@ -28,6 +29,9 @@ const PAPER: u64 = 205;
 /// What mode adaptive takes at most, and of each light whose visibility is cached.
 const ADAPTIVE: u64 = 235;
 const CACHED_LIGHT: u64 = 20;
+
+/// What it takes of a subpixel if it works on one of each pixel, beside what it takes of that.
+const TOLD: u64 = 132;
 
 /// A block of a picture while its layers are made and packed, one for each thread: of a pixel, and of a subpixel where there
 /// are several.
@@ -62,12 +66,17 @@ pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
     let finished = FRAME + FINISHED + history;
     let at_work = match takes_all(args) {
         true => {
+            let of_cache = ADAPTIVE + CACHED_LIGHT * n_cached(scene);
+            let n = subpixels(extent);
             let most = match args.mode {
-                Mode::Adaptive => ADAPTIVE + CACHED_LIGHT * n_cached(scene),
-                Mode::Original | Mode::Paper => PAPER,
+                Mode::Adaptive if are_told(args, n as usize, &scene.camera) => {
+                    TOLD * n + of_cache * (n / u64::from(args.supersample).pow(2))
+                }
+                Mode::Adaptive => of_cache * n,
+                Mode::Original | Mode::Paper => PAPER * n,
             };
             let of_layers = bands().map(|band| layers(&band)).max().unwrap_or(0);
-            (most * subpixels(extent)).max(finished * subpixels(extent) + of_layers)
+            most.max(finished * n + of_layers)
         }
         false => {
             let of_band = |band: Extent| {

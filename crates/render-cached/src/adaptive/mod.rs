@@ -30,6 +30,7 @@ use crate::frame::Frame;
 use crate::render::{Progress, Rendered};
 
 pub(crate) use account::{Account, ErrorReport, origins};
+pub(crate) use subpixels::are_told;
 pub(crate) use view::View;
 
 use glossy::Glossy;

@@ -10,7 +10,7 @@ use cache_map::{Reason, SurfacePoint, Tolerance, Value, same_surface};
 use geometry::Surface;
 use glam::Vec3A;
 use rayon::prelude::*;
-use scene::Light;
+use scene::{Camera, Light};
 
 use super::direct::Lack;
 use super::glossy::Glossy;
@@ -18,6 +18,7 @@ use super::leaves::{ByPixel, Finished, Leaves, begins_sharply, site_of};
 use super::primary::Primary;
 use super::strictness::Strictness;
 use super::view::as_seen;
+use super::whole::FEWEST_PIXELS;
 use super::{Account, View};
 use crate::Args;
 use crate::frame::Frame;
@@ -152,13 +153,18 @@ impl Rest {
     }
 }
 
-/// The first subpixel of each pixel, if the cache is to work on these alone: there must be enough of them, and what lies
-/// beside each other in the picture must lie so in the scene, which a lens doesn't grant.
+/// Whether the cache works on one subpixel of each pixel of a picture: there must be enough of them, and what lies beside each
+/// other in the picture must lie so in the scene, which a lens doesn't grant.
+pub(crate) fn are_told(args: &Args, n_subpixels: usize, camera: &Camera) -> bool {
+    let n = args.supersample as usize;
+    n > 1 && n_subpixels / (n * n) >= FEWEST_PIXELS && camera.is_pinhole()
+}
+
+/// The first subpixel of each pixel, if the cache is to work on these alone.
 pub(super) fn coarse<'a>(args: &Args, frame: &Frame<'a>) -> Option<Frame<'a>> {
-    let n = args.supersample;
-    let is_sharp = frame.shader().scene.camera.is_pinhole();
-    let pays = |coarse: &Frame<'_>| coarse.n_surfaces() >= super::whole::FEWEST_PIXELS;
-    (n > 1 && is_sharp).then(|| frame.thinned(n)).filter(pays)
+    let camera = &frame.shader().scene.camera;
+    let are_told = are_told(args, frame.size().n_pixels(), camera);
+    are_told.then(|| frame.thinned(args.supersample))
 }
 
 /// Finds the light at all pixels of a frame, `coarse` being that of some of them.
