@@ -1,5 +1,7 @@
 //! Specular chains: from the eye through mirrors and glass to surfaces that aren't.
 
+use std::ops::ControlFlow;
+
 use base::{Ray, Rgb, Rng, Stream, hash_u64};
 use geometry::Surface;
 use scene::{Material, SpecularBounce, Transport};
@@ -134,9 +136,12 @@ impl<'a> Shader<'a> {
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
-        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> ChainEmission {
-        self.follow(at, stream, Follow { is_lit: true, with_faint: true }, work, arrive)
+        self.follow(at, stream, Follow { is_lit: true, with_faint: true }, work, |leaf, work| {
+            arrive(leaf, work);
+            ControlFlow::Continue(())
+        })
     }
 
     /// The same without the branches that carry little, and those that follow them.
@@ -145,18 +150,23 @@ impl<'a> Shader<'a> {
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
-        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> Rgb {
-        self.follow(at, stream, Follow { is_lit: true, with_faint: false }, work, arrive).all
+        let follow = Follow { is_lit: true, with_faint: false };
+        let emission = self.follow(at, stream, follow, work, |leaf, work| {
+            arrive(leaf, work);
+            ControlFlow::Continue(())
+        });
+        emission.all
     }
 
-    /// Calls `arrive` for the same surfaces as [`Shader::chain`], but asks no light.
+    /// Calls `arrive` for the same surfaces as [`Shader::chain`] until it has seen enough, but asks no light.
     pub fn chain_ends(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
-        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) {
         self.follow(at, stream, Follow { is_lit: false, with_faint: true }, work, arrive);
     }
@@ -167,7 +177,7 @@ impl<'a> Shader<'a> {
         stream: PixelStream,
         Follow { is_lit, with_faint }: Follow,
         work: &mut Work,
-        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) -> ChainEmission {
         let rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
         let mut chains = Chains { rng, is_lit, with_faint, branches: Vec::new() };
@@ -206,7 +216,10 @@ impl<'a> Shader<'a> {
                 let size = (from.weight * point.albedo).max_channel();
                 if let Some(weight) = keep(from.weight, size, SHADE_ALWAYS, &mut chains.rng) {
                     let Origin { stream, path, is_glossy, is_faint, .. } = from;
-                    arrive(ChainLeaf { point, weight, stream, path, is_glossy, is_faint }, work);
+                    let leaf = ChainLeaf { point, weight, stream, path, is_glossy, is_faint };
+                    if arrive(leaf, work).is_break() {
+                        break;
+                    }
                 }
             }
             if from.length < MAX_LENGTH {

@@ -5,6 +5,8 @@
 //! much as a ray; what they add to a pixel, divided by the tint of its surface, varies slowly over it and is refined like
 //! irradiance.
 
+use std::ops::ControlFlow;
+
 use base::{Component, Grid, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{Lattice, Layer, Reason, Rule, Tolerance, refine};
 use geometry::Surface;
@@ -146,6 +148,7 @@ impl Glossy {
                         let irradiance = shader.irradiance(surface, leaf.stream, true, work);
                         sum += weight_of(&leaf) * irradiance;
                     }
+                    ControlFlow::Continue(())
                 });
                 divided(sum, tint_of(point.material))
             })
@@ -174,7 +177,10 @@ fn follow(
             }
         };
         let emitted = if emitted_is_known || !point.material.is_rough() {
-            shader.chain_ends(point, stream, work, |leaf, _| arrive(leaf));
+            shader.chain_ends(point, stream, work, |leaf, _| {
+                arrive(leaf);
+                ControlFlow::Continue(())
+            });
             Rgb::BLACK
         } else {
             shader.chain(point, stream, work, |leaf, _| arrive(leaf)).all

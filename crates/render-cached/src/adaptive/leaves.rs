@@ -5,6 +5,7 @@
 //! mirror shows, what is seen through two sides of a glass ...), which are refined like the primary view.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 
 use base::{Component, Grid, ImageSize, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{
@@ -59,7 +60,9 @@ impl Leaf {
             shader.chain_ends(point, stream, work, |leaf, work| {
                 if leaf.path == self.path && !leaf.is_glossy {
                     irradiance = shader.irradiance(&leaf.point.facing, leaf.stream, false, work);
+                    return ControlFlow::Break(());
                 }
+                ControlFlow::Continue(())
             });
             irradiance
         })
