@@ -31,6 +31,8 @@ pub struct Lattice {
     masks: Vec<u8>,
     /// For each block, row-major, whether all its pixels of small steps have all neighbours.
     whole: Vec<bool>,
+    /// The same: whether no pixel has a site.
+    empty: Vec<bool>,
 }
 
 /// A square of pixels, by its place among such squares.
@@ -72,13 +74,24 @@ impl Lattice {
     pub fn new(sites: &Grid<Option<SurfacePoint>>, coarsest: u32) -> Self {
         let size = sites.size();
         let planes = Planes::new(sites);
+        let has_site: Vec<bool> = sites.values().iter().map(Option::is_some).collect();
         let mut masks = vec![0; size.n_pixels()];
         let (width, columns) = (size.width as usize, size.width.div_ceil(BLOCK));
         let mut whole = vec![false; (columns * size.height.div_ceil(BLOCK)) as usize];
+        let mut empty = vec![true; whole.len()];
         let rows = masks.par_chunks_mut(width * BLOCK as usize);
-        let rows = rows.zip(whole.par_chunks_mut(columns as usize)).enumerate();
-        rows.for_each(|(by, (masks, whole))| {
-            for (bx, whole) in (0..columns).zip(whole) {
+        let rows = rows.zip(has_site.par_chunks(width * BLOCK as usize));
+        let blocks = whole.par_chunks_mut(columns as usize);
+        let blocks = blocks.zip(empty.par_chunks_mut(columns as usize));
+        rows.zip(blocks).enumerate().for_each(|(by, ((masks, has_site), (whole, empty)))| {
+            for ((bx, whole), empty) in (0..columns).zip(whole).zip(empty) {
+                let (left, right) = (bx * BLOCK, ((bx + 1) * BLOCK).min(size.width));
+                *empty = !has_site
+                    .chunks(width)
+                    .any(|row| row[left as usize..right as usize].contains(&true));
+                if *empty {
+                    continue;
+                }
                 // Pixels up to this step have all their neighbours in the plane of the block.
                 let in_plane = planes.reach(bx, by as u32) * BLOCK / 3;
                 for (dy, masks) in masks.chunks_mut(width).enumerate() {
@@ -102,8 +115,7 @@ impl Lattice {
                 *whole = is_inside && (in_plane >= SMALL || (0..BLOCK).all(is_filled));
             }
         });
-        let has_site = sites.values().iter().map(Option::is_some).collect();
-        Self { size, has_site, masks, whole }
+        Self { size, has_site, masks, whole, empty }
     }
 
     /// Width and height.
@@ -128,6 +140,11 @@ impl Lattice {
     #[inline]
     pub fn has_no_edge_around(&self, Pixel { x, y }: Pixel) -> bool {
         self.is_whole(Block { x: x / BLOCK, y: y / BLOCK })
+    }
+
+    /// For each of the blocks that a row of pixels goes through, whether none of its pixels has a site.
+    pub(crate) fn empty_blocks_of_row(&self, y: u32) -> &[bool] {
+        &self.empty[self.blocks_of_row(y)]
     }
 
     pub(crate) fn n_blocks(&self) -> usize {

@@ -105,11 +105,10 @@ struct Pass<'x> {
     rank: Rank,
 }
 
-/// What a row has of a rank: pixels `step` apart.
+/// What a row has of a rank.
 struct Row<T> {
-    first: u32,
-    step: u32,
-    predicted: Vec<Option<T>>,
+    /// By column.
+    predicted: Vec<(u32, T)>,
     to_trace: Vec<(Pixel, Reason)>,
 }
 
@@ -140,11 +139,8 @@ impl Pass<'_> {
         let apart = width as usize * h;
         let values = layer.values.par_chunks_mut(apart).zip(layer.levels.par_chunks_mut(apart));
         values.zip(&rows).for_each(|((values, levels), row)| {
-            let places = (row.first as usize..).step_by(row.step as usize);
-            for (x, predicted) in places.zip(&row.predicted) {
-                if let Some(value) = *predicted {
-                    (values[x], levels[x]) = (value, h.trailing_zeros() as u8);
-                }
+            for &(x, value) in &row.predicted {
+                (values[x as usize], levels[x as usize]) = (value, h.trailing_zeros() as u8);
             }
         });
         rows.into_iter().flat_map(|row| row.to_trace).collect()
@@ -160,33 +156,33 @@ impl Pass<'_> {
             (Rank::Midpoint, true) => (0, 2 * h),
         };
         let calm = &calm[lattice.blocks_of_row(y)];
-        let mut predicted =
-            Vec::with_capacity((width.saturating_sub(first)).div_ceil(step) as usize);
+        let empty = lattice.empty_blocks_of_row(y);
+        let n_full = empty.iter().filter(|is_empty| !**is_empty).count() as u32;
+        let mut predicted = Vec::with_capacity((n_full * BLOCK).div_ceil(step) as usize);
         let mut to_trace = Vec::new();
         for x in (first..width).step_by(step as usize) {
+            if empty[(x / BLOCK) as usize] {
+                continue;
+            }
             debug_assert_eq!(rank_of(x, y), (h, rank));
             let pixel = Pixel { x, y };
             let i = lattice.size().index(pixel);
-            let mut value = None;
-            if lattice.has_site(i) && !layer.is_traced(i) {
-                let gain = rule.gain(i);
-                if gain > 0.0 {
-                    value = if calm[(x / BLOCK) as usize] {
-                        Some(self.even(layer, i))
-                    } else {
-                        match self.decide(layer, rule, pixel, gain) {
-                            Decision::Take(value) => Some(value),
-                            Decision::Trace(reason) => {
-                                to_trace.push((pixel, reason));
-                                None
-                            }
-                        }
-                    };
+            if !lattice.has_site(i) || layer.is_traced(i) {
+                continue;
+            }
+            let gain = rule.gain(i);
+            if gain > 0.0 {
+                let decision = match calm[(x / BLOCK) as usize] {
+                    true => Decision::Take(self.even(layer, i)),
+                    false => self.decide(layer, rule, pixel, gain),
+                };
+                match decision {
+                    Decision::Take(value) => predicted.push((x, value)),
+                    Decision::Trace(reason) => to_trace.push((pixel, reason)),
                 }
             }
-            predicted.push(value);
         }
-        Row { first, step, predicted, to_trace }
+        Row { predicted, to_trace }
     }
 
     /// The prediction for a pixel that has all its neighbours, without tests.
