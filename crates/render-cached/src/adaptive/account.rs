@@ -3,6 +3,7 @@
 use base::{Component, Components, Grid, Interrupted, Pixel, Rgb, Watch};
 use cache_map::{Origin, Reason};
 use cli::{Clock, Seconds};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use shade::{Counts, PixelStream, ShadingPoint, Work};
 
@@ -171,12 +172,17 @@ pub(crate) fn origins(
     reasons: &Components<Vec<Reason>>,
 ) -> Components<Grid<Origin>> {
     let size = frame.size();
+    // Surfaces are large: they are gone through once.
+    let pixels = (0..size.n_pixels()).into_par_iter().with_min_len(4096);
+    let shows_surface: Vec<bool> = pixels.map(|i| frame.shows_surface(i)).collect();
     Components::from_fn(|component| {
-        Grid::from_fn(size, |pixel| match reasons[component][size.index(pixel)] {
-            _ if !frame.shows_surface(size.index(pixel)) => Origin::None,
+        let pixels = reasons[component].par_iter().zip(&shows_surface).with_min_len(4096);
+        let origin = |(&reason, &shows_surface): (&Reason, &bool)| match reason {
+            _ if !shows_surface => Origin::None,
             Reason::Interpolated => Origin::Interpolated,
             reason if reason.is_reuse() => Origin::Known,
             _ => Origin::Traced,
-        })
+        };
+        Grid::from_values(size, pixels.map(origin).collect())
     })
 }

@@ -2,8 +2,8 @@
 
 use base::{Component, ImageSize, Interrupted, Pixel, Rgb};
 use cache_map::{Layer, Reason, RecordPoint, RecordSet, Rule, Tolerance, Value, refine};
-
 use geometry::Surface;
+use rayon::prelude::*;
 use shade::{PixelStream, Shader, Work};
 
 use super::clear::Clear;
@@ -112,6 +112,24 @@ impl Direct {
         let separate: Rgb =
             self.lights.iter().map(|l| l.unshadowed[index] * l.visibility.values[index]).sum();
         separate + self.rest_irradiance(index)
+    }
+
+    /// The same of all pixels.
+    pub(crate) fn into_irradiance(mut self) -> Vec<Rgb> {
+        // Into memory that is there already.
+        let mut all = match self.lights.first_mut() {
+            Some(light) => std::mem::take(&mut light.unshadowed),
+            None => vec![Rgb::BLACK; self.luminance.len()],
+        };
+        all.par_iter_mut().with_min_len(4096).enumerate().for_each(|(i, all)| {
+            let visible = |(n, l): (usize, &CachedLight)| {
+                let unshadowed = if n == 0 { *all } else { l.unshadowed[i] };
+                unshadowed * l.visibility.values[i]
+            };
+            let separate: Rgb = self.lights.iter().enumerate().map(visible).sum();
+            *all = separate + self.rest_irradiance(i);
+        });
+        all
     }
 
     /// Irradiance from the lights that share a visibility.

@@ -171,6 +171,11 @@ impl Leaves {
         self.radiance[index]
     }
 
+    /// That of all pixels.
+    pub(crate) fn into_radiance(self) -> Vec<Rgb> {
+        self.radiance
+    }
+
     /// Why any leaf of a pixel was traced.
     pub(crate) fn reasons(&self) -> Vec<Reason> {
         let mut reasons = vec![Reason::Interpolated; self.emitted.values().len()];

@@ -20,6 +20,8 @@ mod subpixels;
 mod view;
 mod whole;
 
+use std::mem::take;
+
 use base::{Component, Components, Grid, Inventory, Rgb, math::FRAC_1_PI};
 use cache_map::{Reason, RecordSet};
 use cli::Clock;
@@ -134,7 +136,7 @@ pub(crate) fn render(
             !(direct.uses_nearby() || is_nearby(&indirect.layer.reasons) || specular.uses_nearby());
         records::save(path, args, frame, inputs, &mut set, is_complete)?;
     }
-    let (reasons, levels) = history(&primary, &specular, &glossy, frame.size().n_pixels());
+    let (reasons, levels) = history(&mut primary, &specular, &glossy, frame.size().n_pixels());
     if coarse.is_some() {
         let finished = primary.finished(&view);
         let coarse = Coarse {
@@ -153,30 +155,28 @@ pub(crate) fn render(
         let error = error.with(between, 1.0 - 1.0 / f64::from(n * n));
         return Ok(account.finish(shown.values, shown.reasons, shown.levels, error));
     }
-    // One component after the other, each freed when its radiance is there.
-    let (size, n) = (frame.size(), frame.size().n_pixels());
-    let grid = |radiance: &(dyn Fn(usize) -> Rgb + Sync)| {
-        let values = (0..n).into_par_iter().with_min_len(4096).map(radiance).collect();
-        Grid::from_values(size, values)
+    // Radiance takes the place of irradiance: memory that is touched for the first time takes longer than the sums.
+    let scaled = |mut values: Vec<Rgb>| {
+        let each = values.par_iter_mut().with_min_len(4096).enumerate();
+        each.for_each(|(i, value)| *value = view.albedo(i) * FRAC_1_PI * *value);
+        Grid::from_values(frame.size(), values)
     };
-    let diffuse = |i: usize, irradiance: Rgb| view.albedo(i) * FRAC_1_PI * irradiance;
     let Primary { direct, indirect, caustic } = primary;
-    let of_direct = grid(&|i| diffuse(i, direct.irradiance(i)));
-    drop(direct);
-    let of_indirect = grid(&|i| diffuse(i, indirect.irradiance(i)));
-    drop(indirect);
+    let mut of_specular = specular.into_radiance();
+    let each = of_specular.par_iter_mut().with_min_len(4096).enumerate();
+    each.for_each(|(i, value)| *value += glossy.radiance(i));
     let values = Components {
-        direct: of_direct,
-        indirect: of_indirect,
-        specular: grid(&|i| specular.radiance(i) + glossy.radiance(i)),
-        caustic: grid(&|i| diffuse(i, caustic.irradiance(i))),
+        direct: scaled(direct.into_irradiance()),
+        indirect: scaled(indirect.layer.values),
+        specular: Grid::from_values(frame.size(), of_specular),
+        caustic: scaled(caustic.layer.values),
     };
     Ok(account.finish(values, reasons, levels, error))
 }
 
 /// Why values were computed, and from which step on they were predicted, at so many pixels.
 fn history(
-    primary: &Primary,
+    primary: &mut Primary,
     specular: &Leaves,
     glossy: &Glossy,
     n_pixels: usize,
@@ -186,15 +186,15 @@ fn history(
     glossy.tell(&mut specular_reasons, &mut specular_levels);
     let reasons = Components {
         direct: direct.reasons(),
-        indirect: indirect.layer.reasons.clone(),
+        indirect: take(&mut indirect.layer.reasons),
         specular: specular_reasons,
-        caustic: caustic.layer.reasons.clone(),
+        caustic: take(&mut caustic.layer.reasons),
     };
     let levels = Components {
         direct: direct.levels(),
-        indirect: indirect.layer.levels.clone(),
+        indirect: take(&mut indirect.layer.levels),
         specular: specular_levels,
-        caustic: caustic.layer.levels.clone(),
+        caustic: take(&mut caustic.layer.levels),
     };
     (reasons, levels)
 }
