@@ -2,6 +2,7 @@
 
 mod bad_cases;
 mod bench;
+mod caustics;
 mod cost;
 mod honesty;
 mod lens;

@@ -63,12 +63,24 @@ impl View {
 
     /// The length on a surface that a pixel spans.
     pub(crate) fn footprint(&self, site: &SurfacePoint) -> f32 {
+        // A slanted surface is foreshortened one way only: the mean of both ways is the root.
+        let (across, slant) = self.across(site);
+        across / slant.sqrt()
+    }
+
+    /// The same along the way that is foreshortened.
+    pub(crate) fn longest_footprint(&self, site: &SurfacePoint) -> f32 {
+        let (across, slant) = self.across(site);
+        across / slant
+    }
+
+    /// The length that a pixel spans at the depth of a surface, and the cosine of the surface.
+    fn across(&self, site: &SurfacePoint) -> (f32, f32) {
         let (position, normal) = (Vec3A::from(site.position), Vec3A::from(site.normal));
         let to_eye = self.camera.origin() - position;
-        // A slanted surface is foreshortened one way only: the mean of both ways is the root.
         let slant = (normal.dot(to_eye) / to_eye.length()).clamp(0.02, 1.0);
         let depth = self.camera.depth(position).max(f32::MIN_POSITIVE);
-        depth * self.camera.pixel_extent(self.size) / slant.sqrt()
+        (depth * self.camera.pixel_extent(self.size), slant)
     }
 
     /// Where a point is seen, in pixels from the middle of the first; nothing behind the eye.
@@ -95,6 +107,18 @@ impl View {
     pub(crate) fn cell(&self, pixel: Pixel) -> usize {
         let columns = self.size.width.div_ceil(COARSEST) as usize;
         (pixel.y / COARSEST) as usize * columns + (pixel.x / COARSEST) as usize
+    }
+
+    /// Some pixels of a cell, evenly spread.
+    pub(crate) fn some_pixels(&self, cell: usize) -> impl Iterator<Item = Pixel> + use<> {
+        let ImageSize { width, height } = self.size;
+        let columns = width.div_ceil(COARSEST) as usize;
+        let (left, top) = (cell % columns, cell / columns);
+        let side = move |first: usize, end: u32| {
+            let first = first as u32 * COARSEST;
+            (first..(first + COARSEST).min(end)).step_by(COARSEST as usize / 4)
+        };
+        side(top, height).flat_map(move |y| side(left, width).map(move |x| Pixel { x, y }))
     }
 
     /// A factor from 1 to 2 for the cell of a pixel, evenly spread (in octaves) over neighbouring cells.
