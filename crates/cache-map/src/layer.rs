@@ -5,7 +5,7 @@ use std::ops::{Add, Mul, Sub};
 use base::Rgb;
 use bytemuck::Pod;
 
-/// Something that can be interpolated, and saved as it lies in memory.
+/// Something that can be interpolated, and saved as it lies in memory: one number or several, each on its own.
 pub trait Value:
     Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
 {

@@ -6,6 +6,7 @@
 //! the order of work changes nothing.
 
 use std::f32::consts::SQRT_2;
+use std::ops::{Add, Mul, Sub};
 
 use base::{ImageSize, Pixel};
 use rayon::prelude::*;
@@ -160,6 +161,9 @@ impl Pass<'_> {
         let n_full = empty.iter().filter(|is_empty| !**is_empty).count() as u32;
         let mut predicted = Vec::with_capacity((n_full * BLOCK).div_ceil(step) as usize);
         let mut to_trace = Vec::new();
+        // What was predicted from a pixel on, up to the end of its block.
+        let (mut start, mut end) = (0, 0);
+        let mut stretch = [T::default(); BLOCK as usize];
         for x in (first..width).step_by(step as usize) {
             if empty[(x / BLOCK) as usize] {
                 continue;
@@ -172,9 +176,15 @@ impl Pass<'_> {
             }
             let gain = rule.gain(i);
             if gain > 0.0 {
-                let decision = match calm[(x / BLOCK) as usize] {
-                    true => Decision::Take(self.even(layer, i)),
-                    false => self.decide(layer, rule, pixel, gain),
+                let decision = if calm[(x / BLOCK) as usize] {
+                    if x >= end {
+                        (start, end) = (x, x / BLOCK * BLOCK + BLOCK);
+                        let last = (end - 1 - start) / step * step;
+                        self.even(layer, i, &mut stretch[..=last as usize]);
+                    }
+                    Decision::Take(stretch[(x - start) as usize].sound())
+                } else {
+                    self.decide(layer, rule, pixel, gain)
                 };
                 match decision {
                     Decision::Take(value) => predicted.push((x, value)),
@@ -185,14 +195,26 @@ impl Pass<'_> {
         Row { predicted, to_trace }
     }
 
-    /// The prediction for a pixel that has all its neighbours, without tests.
+    /// The predictions for a stretch of pixels, from one on that is of the rank to another, which have all their neighbours,
+    /// without tests. Pixels of other ranks between them are treated likewise, to no use: numbers that lie side by side are
+    /// worked on several at a time.
     #[inline]
-    fn even<T: Value>(self, layer: &Layer<T>, i: usize) -> T {
+    fn even<T: Value>(self, layer: &Layer<T>, first: usize, stretch: &mut [T]) {
+        let n = stretch.len();
         let [first, second] = lines(self.rank).map(|direction| {
-            let at = |steps| layer.values[self.neighbour(i, direction, steps)];
-            cubic(at(-3), at(-1), at(1), at(3))
+            [-3, -1, 1, 3].map(|steps| {
+                let from = self.neighbour(first, direction, steps);
+                bytemuck::cast_slice::<T, f32>(&layer.values[from..from + n])
+            })
         });
-        ((first + second) * 0.5).sound()
+        let along =
+            |[before, a, b, after]: [&[f32]; 4], k: usize| cubic(before[k], a[k], b[k], after[k]);
+        let stretch = bytemuck::cast_slice_mut::<T, f32>(stretch);
+        let n = stretch.len();
+        let [first, second] = [first, second].map(|line| line.map(|values| &values[..n]));
+        for (k, value) in stretch.iter_mut().enumerate() {
+            *value = (along(first, k) + along(second, k)) * 0.5;
+        }
     }
 
     /// The pixel that lies so many steps away on a line.
@@ -269,6 +291,9 @@ fn spacing(h: u32, rank: Rank) -> f32 {
 
 /// The value in the middle of four that lie evenly on a line.
 #[inline]
-fn cubic<T: Value>(before: T, a: T, b: T, after: T) -> T {
+fn cubic<T>(before: T, a: T, b: T, after: T) -> T
+where
+    T: Add<Output = T> + Sub<Output = T> + Mul<f32, Output = T>,
+{
     (a + b) * (9.0 / 16.0) - (before + after) * (1.0 / 16.0)
 }
