@@ -255,7 +255,16 @@ impl Accel {
     /// What lies at a hit of `ray`.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        self.surface_of(ray, hit.slot).0
+        self.surface_of(&self.sheared(ray), hit.slot).0
+    }
+
+    /// The nearest surface that the ray meets, and its distance: [`Accel::closest_hit`] and [`Accel::surface`] at once.
+    #[inline]
+    pub fn closest_surface(&self, ray: &Ray) -> Option<(Surface, f32)> {
+        let query = self.query(ray);
+        let (t, slot) = query.nearest()?;
+        let t = ((f64::from(t) + query.skipped) as f32) / self.scale;
+        Some((self.surface_of(&query.sheared, slot).0, t))
     }
 
     /// What lies where a ray meets the primitive that a surface has named; nothing if its line passes by, or there is no
@@ -267,14 +276,13 @@ impl Accel {
         if primitive as usize >= self.primitives.len() {
             return None;
         }
-        let (surface, is_met) = self.surface_of(ray, primitive);
+        let (surface, is_met) = self.surface_of(&self.sheared(ray), primitive);
         is_met.then_some(surface)
     }
 
     /// The surface of a primitive where a ray meets it, and whether its line does.
     #[inline(always)]
-    fn surface_of(&self, ray: &Ray, slot: u32) -> (Surface, bool) {
-        let ray = self.sheared(ray);
+    fn surface_of(&self, ray: &ShearedRay, slot: u32) -> (Surface, bool) {
         let primitive = &self.primitives[slot as usize];
         match primitive.shape() {
             Shape::Triangle { id } => {

@@ -103,12 +103,11 @@ impl Scene {
     /// decide, so that the same ray always arrives at the same surface.
     #[inline]
     pub fn arrive(&self, ray: &Ray, seed: u64) -> Option<(Surface, f32)> {
-        let hit = self.accel.closest_hit(ray)?;
-        let surface = self.accel.surface(ray, &hit);
+        let (surface, distance) = self.accel.closest_surface(ray)?;
         if !self.is_masked || !self.material(&surface).is_masked() {
-            return Some((surface, hit.t));
+            return Some((surface, distance));
         }
-        self.arrive_by_chance(ray, seed, surface, hit.t)
+        self.arrive_by_chance(ray, seed, surface, distance)
     }
 
     fn arrive_by_chance(
@@ -129,8 +128,8 @@ impl Scene {
                 return Some((surface, distance));
             }
             let rest = beyond(ray, &surface, distance);
-            let hit = self.accel.closest_hit(&rest)?;
-            (surface, distance) = (self.accel.surface(&rest, &hit), distance + hit.t);
+            let (next, further) = self.accel.closest_surface(&rest)?;
+            (surface, distance) = (next, distance + further);
         }
     }
 
