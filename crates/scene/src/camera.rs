@@ -115,7 +115,15 @@ impl Camera {
     /// The eye ray through a place of the picture, in pixels from its upper left corner: (0.5, 0.5) is the middle of the
     /// first pixel. If there is a lens, it comes through its middle.
     pub fn ray(&self, size: ImageSize, at: Vec2) -> Ray {
-        Ray::unbounded(self.origin, self.along(size, at).normalize())
+        self.rays(size)(at)
+    }
+
+    /// [`Camera::ray`] for many places of a picture of that size.
+    #[inline]
+    pub fn rays(&self, size: ImageSize) -> impl Fn(Vec2) -> Ray {
+        let Self { origin, .. } = *self;
+        let along = self.along(size);
+        move |at| Ray::unbounded(origin, along(at).normalize())
     }
 
     /// One of the eye rays through a place of the picture, in pixels as for [`Camera::ray`]: `u` tells, uniformly by area,
@@ -124,18 +132,24 @@ impl Camera {
         let Some(Lens { radius, focus }) = self.lens else { return self.ray(size, at) };
         let place = warp::uniform_disc(u) * radius;
         let aside = self.right * place.x + self.up * place.y;
-        let dir = (self.along(size, at) * focus - aside).normalize();
+        let dir = (self.along(size)(at) * focus - aside).normalize();
         Ray::unbounded(self.origin + aside, dir)
     }
 
-    /// From the eye to a place of the picture at distance 1 along the view axis.
-    fn along(&self, size: ImageSize, at: Vec2) -> Vec3A {
-        let mut place = at / Vec2::new(size.width as f32, size.height as f32);
-        if let Some(crop) = self.crop {
-            place = crop.corner + place * crop.size;
+    /// From the eye to places of a picture of that size at distance 1 along the view axis.
+    #[inline]
+    fn along(&self, size: ImageSize) -> impl Fn(Vec2) -> Vec3A {
+        let Self { right, up, forward, crop, .. } = *self;
+        let half_extent = self.half_extent(size);
+        let size = Vec2::new(size.width as f32, size.height as f32);
+        move |at| {
+            let mut place = at / size;
+            if let Some(crop) = crop {
+                place = crop.corner + place * crop.size;
+            }
+            let p = (place * 2.0 - Vec2::ONE) * half_extent;
+            forward + right * p.x - up * p.y
         }
-        let p = (place * 2.0 - Vec2::ONE) * self.half_extent(size);
-        self.forward + self.right * p.x - self.up * p.y
     }
 
     /// Where a point appears in the picture, in pixels as for [`Camera::ray`], if it lies in front of the eye. Through a
