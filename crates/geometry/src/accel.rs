@@ -10,10 +10,11 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
 
+use crate::frustum::Facet;
 use crate::primitive::{Primitive, Shape, ShearedRay};
 use crate::shaft::Shaft;
 use crate::traverse::Query;
-use crate::{Bounds, MaterialId, Mesh, Patch, Sphere, Surface};
+use crate::{Bounds, Frustum, MaterialId, Mesh, Patch, Sphere, Surface};
 
 /// As many as a leaf of the compressed BVH can hold.
 const MAX_PRIMITIVES_PER_LEAF: u32 = 3;
@@ -167,7 +168,11 @@ impl Accel {
 
     /// Whether surely no ray from a point of one patch to a point of the other meets anything.
     pub fn is_clear(&self, from: &Patch, to: &Patch) -> bool {
-        let shaft = Shaft::new(from, to, self.scale);
+        self.is_empty(&Shaft::new(from, to, self.scale), None)
+    }
+
+    /// Whether surely no primitive but one reaches into a shaft.
+    fn is_empty(&self, shaft: &Shaft, except: Option<u32>) -> bool {
         // What rounding in single precision may hide.
         let doubt = (self.center.abs().max_element() + 2.0 * self.radius) * 2.0_f32.powi(-18);
         let mut left: Vec<u32> = Vec::with_capacity(64);
@@ -197,10 +202,12 @@ impl Accel {
                     }
                     inner += 1;
                 } else if may_hold && meta != 0 {
-                    let first = (node.primitive_base_idx + (meta & 31)) as usize;
-                    let n = (meta >> 5).count_ones() as usize;
-                    let primitives = &self.primitives[first..first + n];
-                    if primitives.iter().any(|p| shaft.may_hold_primitive(p)) {
+                    let first = node.primitive_base_idx + (meta & 31);
+                    let is_in = |slot: u32| {
+                        Some(slot) != except
+                            && shaft.may_hold_primitive(&self.primitives[slot as usize])
+                    };
+                    if (first..first + (meta >> 5).count_ones()).any(is_in) {
                         return false;
                     }
                 }
@@ -287,16 +294,9 @@ impl Accel {
         match primitive.shape() {
             Shape::Triangle { id } => {
                 let [a, b, c] = primitive.corners();
-                let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
-                let weights = ray.weights([a, b, c]);
-                let normal = (b - a).cross(c - a).normalize();
-                let position = a * weights.x + b * weights.y + c * weights.z;
-                let largest = a.abs().max(b.abs()).max(c.abs());
-                let surface = self.at(position, normal, largest, self.owners[id as usize]);
-                let shading_normal =
-                    self.shading_normal(id, weights.as_vec3(), surface.geometric_normal);
-                let surface = Surface { shading_normal, primitive: slot, ..surface };
-                (surface, weights.cmpge(DVec3::ZERO).all())
+                let facet = Facet::new([a.as_dvec3(), b.as_dvec3(), c.as_dvec3()], id, slot);
+                let weights = ray.weights(facet.corners);
+                (self.on_facet(&facet, weights), weights.cmpge(DVec3::ZERO).all())
             }
             Shape::Sphere { id, center, radius } => {
                 let (center, radius) = (center.as_dvec3(), f64::from(radius));
@@ -308,6 +308,35 @@ impl Accel {
                 (Surface { primitive: slot, ..surface }, t > 0.0 && t.is_finite())
             }
         }
+    }
+
+    /// The surface of a triangle at the place of these weights.
+    #[inline(always)]
+    fn on_facet(&self, facet: &Facet, weights: DVec3) -> Surface {
+        let &Facet { id, slot, corners: [a, b, c], normal, largest } = facet;
+        let position = a * weights.x + b * weights.y + c * weights.z;
+        let surface = self.at(position, normal, largest, self.owners[id as usize]);
+        let shading_normal = self.shading_normal(id, weights.as_vec3(), surface.geometric_normal);
+        Surface { shading_normal, primitive: slot, ..surface }
+    }
+
+    /// The rays from a point between four directions, one after the other around them, if surely all that meet a triangle
+    /// meet it before anything else.
+    pub fn frustum(&self, origin: Vec3A, dirs: [Vec3A; 4], triangle: u32) -> Option<Frustum> {
+        let primitive = self.primitives.get(triangle as usize)?;
+        let Shape::Triangle { id } = primitive.shape() else { return None };
+        let facet = Facet::new(primitive.corners().map(Vec3::as_dvec3), id, triangle);
+        let origin = origin * self.scale;
+        let (shaft, sides) =
+            Shaft::between(origin.as_dvec3(), dirs.map(Vec3A::as_dvec3), &facet.corners)?;
+        self.is_empty(&shaft, Some(triangle)).then(|| Frustum::new(origin, sides, facet))
+    }
+
+    /// What [`Accel::closest_surface`] finds along a ray that starts where a frustum does and has no end, if that is surely the
+    /// triangle of the frustum.
+    #[inline]
+    pub fn surface_in(&self, frustum: &Frustum, ray: &Ray) -> Option<Surface> {
+        frustum.weights(ray.dir()).map(|weights| self.on_facet(&frustum.facet, weights))
     }
 
     /// Texture coordinates at a surface that this scene has returned; none on meshes without.
@@ -339,6 +368,7 @@ impl Accel {
 
     /// A point in scaled units, with its normal for both purposes. No part of the surface lies farther from the origin
     /// than `largest`.
+    #[inline(always)]
     fn at(
         &self,
         position: DVec3,
@@ -363,6 +393,7 @@ impl Accel {
         }
     }
 
+    #[inline]
     fn shading_normal(&self, triangle: u32, weights: Vec3, geometric_normal: Vec3A) -> Vec3A {
         let Some([a, b, c]) = self.normals.get(triangle as usize) else { return geometric_normal };
         let n = Vec3A::from(*a * weights.x + *b * weights.y + *c * weights.z);

@@ -9,6 +9,7 @@
 mod accel;
 mod bounds;
 mod crease;
+mod frustum;
 mod memory;
 mod mesh;
 mod primitive;
@@ -19,6 +20,7 @@ mod traverse;
 pub use accel::{Accel, Hit, sphere_uv};
 pub use bounds::Bounds;
 pub use crease::{Crease, Creases};
+pub use frustum::Frustum;
 pub use memory::Memory;
 pub use mesh::{MaterialId, Mesh, Sphere};
 pub use shaft::{Patch, Plane};

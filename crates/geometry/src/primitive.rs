@@ -244,6 +244,17 @@ impl ShearedRay {
         weights / weights.element_sum()
     }
 
+    /// The same of corners that are seen from the origin of the ray, one coordinate of all three in each vector.
+    #[inline(always)]
+    pub(crate) fn weights_of_seen(&self, seen: &[DVec3; 3]) -> DVec3 {
+        let [x, y, z] = self.axes.map(|axis| seen[axis]);
+        // By the same operations in the same order as in `edges`.
+        let (px, py) = (x - self.shear[0] * z, y - self.shear[1] * z);
+        let cross = |i: usize, j: usize| px[i] * py[j] - py[i] * px[j];
+        let weights = DVec3::new(cross(2, 1), cross(0, 2), cross(1, 0));
+        weights / weights.element_sum()
+    }
+
     /// The point at distance `t`.
     pub(crate) fn at(&self, t: f64) -> DVec3 {
         self.origin + self.dir * t

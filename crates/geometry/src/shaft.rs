@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use crate::Bounds;
+use crate::frustum::SLACK;
 use crate::primitive::{Primitive, Shape};
 
 /// Points of which a box is known, and perhaps a plane.
@@ -38,6 +39,8 @@ pub(crate) struct Shaft {
     /// What lies beyond any of them, `dot(normal) > offset`, is outside.
     planes: [Side; MOST],
     n: usize,
+    /// The corners of what is within the planes, if they are few, and how far from their hull it may reach.
+    hull: Option<([DVec3; 5], f64)>,
 }
 
 /// Six faces, four slanted sides for each pair of axes, and the two planes of the points.
@@ -54,7 +57,7 @@ impl Shaft {
     pub(crate) fn new(from: &Patch, to: &Patch, scale: f32) -> Self {
         let corners = |b: Bounds| [(b.min * scale).as_dvec3(), (b.max * scale).as_dvec3()];
         let (from_box, to_box) = (corners(from.bounds), corners(to.bounds));
-        let mut shaft = Self { planes: [Side::default(); MOST], n: 0 };
+        let mut shaft = Self { planes: [Side::default(); MOST], n: 0, hull: None };
         for axis in 0..3 {
             let (low, high) = (from_box[0].min(to_box[0])[axis], from_box[1].max(to_box[1])[axis]);
             let mut normal = DVec3::ZERO;
@@ -82,6 +85,66 @@ impl Shaft {
             shaft.push(-plane.normal.as_dvec3(), -plane.offset * f64::from(scale));
         }
         shaft
+    }
+
+    /// What rays from a point, between four directions one after the other around them, come by until they have met a
+    /// triangle, and the outer unit normals of the sides. Nothing if rounding counts for too much.
+    ///
+    /// A ray in the frustum points at most `1.5 SLACK` beyond any side, where 1/2 is for the rounding of [`crate::Frustum`]'s
+    /// test. Where two sides meet at an angle whose sine is at least 1/4, it is by 8 times that from a direction between the
+    /// four, so by `12 SLACK t` off at a distance `t`, and, on a triangle that it meets under a cosine of at least `c`, by
+    /// twice that over `c`. We allow `32 SLACK t / c`. Distances themselves round by less than `SLACK t`, and spheres,
+    /// which take directions to be of unit length, miss theirs by as little.
+    pub(crate) fn between(
+        eye: DVec3,
+        dirs: [DVec3; 4],
+        corners: &[DVec3; 3],
+    ) -> Option<(Self, [DVec3; 4])> {
+        /// The least cosine between the triangle's normal and a ray.
+        const GRAZING: f64 = 1.0 / 256.0;
+        /// The least sine between two sides.
+        const SHARP: f64 = 0.25;
+
+        let normal = certain_normal(corners)?;
+        let height = normal.dot(corners[0] - eye);
+        let normal = normal * height.signum();
+        let cosines = dirs.map(|dir| normal.dot(dir));
+        let least = cosines.into_iter().fold(f64::INFINITY, f64::min);
+        let farthest = height.abs() / least;
+        let doubt = farthest * 32.0 * f64::from(SLACK) / least;
+        let turned: [DVec3; 4] =
+            std::array::from_fn(|i| dirs[i].cross(dirs[(i + 1) % 4]).normalize());
+        let inside = turned[0].dot(dirs[2]).signum();
+        let sides = turned.map(|side| side * -inside);
+        let is_convex = (0..4).all(|i| {
+            let is_inside = |k: usize| sides[i].dot(dirs[(i + k) % 4]) < 0.0;
+            let sine = sides[i].cross(sides[(i + 1) % 4]).length();
+            is_inside(2) && is_inside(3) && sine > SHARP
+        });
+        // Also if any of it isn't a number.
+        if !(least > GRAZING && height != 0.0 && is_convex) {
+            return None;
+        }
+
+        let mut points = [eye; 5];
+        for (point, (dir, cosine)) in points[1..].iter_mut().zip(dirs.iter().zip(cosines)) {
+            *point += dir * (height.abs() / cosine);
+        }
+        let mut shaft = Self { planes: [Side::default(); MOST], n: 0, hull: Some((points, doubt)) };
+        for side in sides {
+            shaft.push(side, side.dot(eye) + doubt);
+        }
+        // Behind the triangle, so that what lies in it or touches it is in the way.
+        shaft.push(normal, normal.dot(corners[0]) + doubt);
+        let min = points.into_iter().fold(DVec3::INFINITY, DVec3::min);
+        let max = points.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
+        for axis in 0..3 {
+            let mut normal = DVec3::ZERO;
+            normal[axis] = 1.0;
+            shaft.push(normal, max[axis] + doubt);
+            shaft.push(-normal, doubt - min[axis]);
+        }
+        Some((shaft, sides))
     }
 
     fn push(&mut self, normal: DVec3, offset: f64) {
@@ -115,8 +178,40 @@ impl Shaft {
                 side.normal.dot(center.as_dvec3()) - f64::from(radius) > side.offset
             }
         };
-        !self.planes[..self.n].iter().any(is_outside)
+        !self.planes[..self.n].iter().any(is_outside) && !self.lies_beside(primitive)
     }
+
+    /// Whether all of the shaft lies on one side of a triangle's plane, or of one through the eye and an edge, beyond which
+    /// the triangle isn't. The halves of a square have no other plane between them.
+    fn lies_beside(&self, primitive: &Primitive) -> bool {
+        let (Some((points, doubt)), Shape::Triangle { .. }) = (self.hull, primitive.shape()) else {
+            return false;
+        };
+        let corners = primitive.corners().map(Vec3::as_dvec3);
+        let is_before_plane = certain_normal(&corners).is_some_and(|normal| {
+            let heights = points.map(|point| normal.dot(point - corners[0]));
+            heights.iter().all(|&h| h > doubt) || heights.iter().all(|&h| h < -doubt)
+        });
+        let [eye, ends @ ..] = points;
+        let is_beyond_edge = |i: usize| {
+            let [p, q, opposite] = [0, 1, 2].map(|k| corners[(i + k) % 3]);
+            certain_normal(&[eye, p, q]).is_some_and(|normal| {
+                let inside = normal.dot(opposite - eye);
+                let is_certain = inside.abs() > (opposite - eye).length() * 2.0_f64.powi(-30);
+                let outer = normal * -inside.signum();
+                is_certain && ends.iter().all(|&end| outer.dot(end - eye) > doubt)
+            })
+        };
+        is_before_plane || (0..3).any(is_beyond_edge)
+    }
+}
+
+/// The unit normal of a triangle that isn't so thin that rounding may turn it.
+fn certain_normal([a, b, c]: &[DVec3; 3]) -> Option<DVec3> {
+    let (along, beside) = (b - a, c - a);
+    let normal = along.cross(beside);
+    let (area, whole) = (normal.length(), along.length() * beside.length());
+    (area > whole * 2.0_f64.powi(-12)).then(|| normal / area)
 }
 
 #[cfg(test)]
