@@ -6,7 +6,7 @@ use base::{
     Component, Grid, ImageSize, Interrupted, OwenSobol, Pixel, Ray, Rgb, Stream, Watch, Window,
     hash_u64,
 };
-use geometry::{MaterialId, Surface};
+use geometry::{Frustum, MaterialId, Surface};
 use glam::{Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 use shade::{Counts, PixelStream, Shader, ShadingPoint, Work};
@@ -16,6 +16,12 @@ pub(crate) const CHUNK: usize = 512;
 
 /// The side of the squares in which pixels are visited, so that neighbours in work are neighbours in space.
 const TILE: u32 = 32;
+
+/// The side of the largest squares of pixels that are tried for one flat surface.
+const BLOCK: u32 = 16;
+
+/// The side of the smallest.
+const SMALLEST_BLOCK: u32 = 4;
 
 /// No primitive: an eye ray that meets nothing.
 pub(crate) const NOTHING: u32 = u32::MAX;
@@ -82,31 +88,27 @@ impl<'a> Frame<'a> {
         let size = window.size;
         // Straight into the picture: it is larger than any cache, and copies of it take as long as the rays.
         let mut surfaces = vec![None; size.n_pixels()];
-        let width = size.width as usize;
-        // Bands of tiles, or, where there are too few to share, stretches of rows.
-        let stretch = if size.height >= 8 * TILE { width * TILE as usize } else { CHUNK };
+        // Where there are too few bands of tiles to share, lower ones.
+        let rows = if size.height >= 8 * TILE { TILE } else { BLOCK / 2 };
         let counts: Option<Vec<Counts>> = surfaces
-            .par_chunks_mut(stretch)
-            .enumerate()
-            .map(|(i, surfaces)| {
-                let first = i * stretch;
-                let mut work = Work::default();
-                for tile in (0..surfaces.len().min(width)).step_by(TILE as usize) {
-                    for row in (0..surfaces.len()).step_by(width) {
-                        let row_end = (row + width).min(surfaces.len());
-                        let start = (row + tile).min(row_end);
-                        let end = (start + TILE as usize).min(row_end);
-                        for (i, surface) in (first + start..).zip(&mut surfaces[start..end]) {
-                            if !watch(0) {
-                                return None;
-                            }
-                            let ray = eye_ray(shader, window, size.pixel(i));
-                            let met = shader.eye_surface(&ray, &mut work);
-                            *surface = met.map(|surface| Seen::new(&surface));
-                        }
-                    }
+            .par_chunks_mut((size.width * rows) as usize)
+            .zip((0..size.height).into_par_iter().step_by(rows as usize))
+            .map(|(surfaces, top)| {
+                let n = surfaces.len() as u64;
+                let mut band = Band {
+                    shader,
+                    window,
+                    top,
+                    surfaces,
+                    traced: [0; TILE as usize],
+                    work: Work::default(),
+                };
+                for left in (0..size.width).step_by(TILE as usize) {
+                    band.trace(left, watch)?;
                 }
-                watch(surfaces.len() as u64).then_some(work.counts)
+                // However they were found.
+                band.work.counts.eye_rays = n;
+                watch(n).then_some(band.work.counts)
             })
             .collect();
         let mut sum = Counts::default();
@@ -287,6 +289,147 @@ impl<'a> Frame<'a> {
     }
 }
 
+/// Rows of a frame whose eye rays are being traced, one tile after the other.
+struct Band<'x, 'a> {
+    shader: &'x Shader<'a>,
+    window: Window,
+    /// The first of the rows.
+    top: u32,
+    surfaces: &'x mut [Option<Seen>],
+    /// For each row of the tile a bit for each pixel whose ray is traced.
+    traced: [u32; TILE as usize],
+    work: Work,
+}
+
+impl Band<'_, '_> {
+    /// Traces a tile that begins at a column. Nothing if somebody has asked for a stop.
+    fn trace(&mut self, left: u32, watch: Watch<'_>) -> Option<()> {
+        let (shader, window) = (self.shader, self.window);
+        let width = window.size.width;
+        let bottom = self.top + self.surfaces.len() as u32 / width;
+        let end = Pixel { x: (left + TILE).min(width), y: bottom };
+        self.traced = [0; TILE as usize];
+        // Through a lens, rays have no point in common.
+        let camera = &shader.scene.camera;
+        if camera.is_pinhole() {
+            let rays = camera.rays(window.whole);
+            let ray = |pixel| rays(middle(window.in_whole(pixel)));
+            for y in (self.top..bottom).step_by(BLOCK as usize) {
+                for x in (left..end.x).step_by(BLOCK as usize) {
+                    self.trace_block(Pixel { x, y }, BLOCK, end, &ray, watch)?;
+                }
+            }
+        } else {
+            for y in self.top..bottom {
+                for x in left..end.x {
+                    watch(0).then_some(())?;
+                    self.search(Pixel { x, y }, &|pixel| eye_ray(shader, window, pixel));
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// Traces a square of pixels, as far as it lies before `end`.
+    ///
+    /// If the rays at its corners meet the same triangle, and nothing lies before that, rays between them need no search.
+    fn trace_block(
+        &mut self,
+        corner: Pixel,
+        side: u32,
+        end: Pixel,
+        ray: &impl Fn(Pixel) -> Ray,
+        watch: Watch<'_>,
+    ) -> Option<()> {
+        watch(0).then_some(())?;
+        let Pixel { x: left, y: top } = corner;
+        let (right, bottom) = (end.x.min(left + side), end.y.min(top + side));
+        let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| Pixel { x, y }));
+        let frustum = match side >= SMALLEST_BLOCK {
+            true => self.frustum([left, right - 1, top, bottom - 1], ray),
+            false => None,
+        };
+        if let Some(frustum) = frustum {
+            for pixel in pixels {
+                if !self.is_traced(pixel) {
+                    let ray = ray(pixel);
+                    match self.shader.scene.accel.surface_in(&frustum, &ray) {
+                        Some(surface) => self.set(pixel, Some(Seen::new(&surface))),
+                        None => self.search_along(pixel, &ray),
+                    }
+                }
+            }
+        } else if side > SMALLEST_BLOCK {
+            let half = side / 2;
+            for y in (top..bottom).step_by(half as usize) {
+                for x in (left..right).step_by(half as usize) {
+                    self.trace_block(Pixel { x, y }, half, end, ray, watch)?;
+                }
+            }
+        } else {
+            pixels.for_each(|pixel| self.search(pixel, ray));
+        }
+        Some(())
+    }
+
+    /// What holds the rays of a block, its last column and row given. Its corners are traced.
+    fn frustum(
+        &mut self,
+        [left, right, top, bottom]: [u32; 4],
+        ray: &impl Fn(Pixel) -> Ray,
+    ) -> Option<Frustum> {
+        let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+        let corners = corners.map(|(x, y)| Pixel { x, y });
+        corners.iter().for_each(|&corner| self.search(corner, ray));
+        let [first, others @ ..] = corners.map(|corner| self.surfaces[self.index(corner)]);
+        let first = first?;
+        let is_same = |seen: Option<Seen>| seen.is_some_and(|s| s.primitive == first.primitive);
+        if left == right || top == bottom || !others.into_iter().all(is_same) {
+            return None;
+        }
+        let scene = self.shader.scene;
+        let dirs = corners.map(|corner| ray(corner).dir());
+        scene.frustum(scene.camera.origin(), dirs, &first.surface())
+    }
+
+    /// Searches for what a pixel shows, if that isn't known.
+    #[inline]
+    fn search(&mut self, pixel: Pixel, ray: &impl Fn(Pixel) -> Ray) {
+        if !self.is_traced(pixel) {
+            self.search_along(pixel, &ray(pixel));
+        }
+    }
+
+    fn search_along(&mut self, pixel: Pixel, ray: &Ray) {
+        let met = self.shader.eye_surface(ray, &mut self.work);
+        self.set(pixel, met.map(|surface| Seen::new(&surface)));
+    }
+
+    #[inline]
+    fn is_traced(&self, Pixel { x, y }: Pixel) -> bool {
+        self.traced[(y - self.top) as usize] >> (x % TILE) & 1 != 0
+    }
+
+    #[inline]
+    fn set(&mut self, pixel: Pixel, seen: Option<Seen>) {
+        self.traced[(pixel.y - self.top) as usize] |= 1 << (pixel.x % TILE);
+        let index = self.index(pixel);
+        self.surfaces[index] = seen;
+    }
+
+    /// Of a pixel in the band.
+    #[inline]
+    fn index(&self, Pixel { x, y }: Pixel) -> usize {
+        (y - self.top) as usize * self.window.size.width as usize + x as usize
+    }
+}
+
+/// The middle of a pixel, in pixels from the corner of the picture.
+#[inline]
+fn middle(pixel: Pixel) -> Vec2 {
+    Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5)
+}
+
 /// The ray through the middle of a pixel, and through a lens, if there is one, where the place of the pixel tells.
 ///
 /// Sobol' points in Morton order (Ahmed and Wonka 2020): any square of 2^n pixels a side, at a multiple of that, has
@@ -294,7 +437,7 @@ impl<'a> Frame<'a> {
 fn eye_ray(shader: &Shader<'_>, window: Window, pixel: Pixel) -> Ray {
     let camera = &shader.scene.camera;
     let (size, pixel) = (window.whole, window.in_whole(pixel));
-    let at = Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5);
+    let at = middle(pixel);
     if camera.is_pinhole() {
         return camera.ray(size, at);
     }
@@ -363,7 +506,72 @@ pub(crate) fn join<T>(chunks: Vec<(Vec<T>, Counts)>, n: usize) -> (Vec<T>, Count
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet};
+    use scene::Scene;
+    use shade::Settings;
+
     use super::*;
+
+    /// Asserts that frames of windows of all shapes show what each eye ray arrives at.
+    fn assert_traced(scene: &Scene, whole: ImageSize) {
+        let maps = PhotonMaps {
+            metadata: Metadata::default(),
+            direct: None,
+            caustic: PhotonSet::build(&[]),
+            indirect: PhotonSet::build(&[]),
+            focused: None,
+        };
+        let gather = Gather { k: 1, max_radius: 1.0, kernel: Kernel::Cone };
+        let settings =
+            Settings { shadow_rays: 1, glossy_rays: 1, indirect: gather, caustic: gather, seed: 7 };
+        let shader = Shader::new(scene, &maps, settings);
+        let bits = |surface: Option<Surface>| format!("{surface:?}");
+        let one_by_one = Grid::from_fn(whole, |pixel| {
+            let ray = eye_ray(&shader, Window::whole(whole), pixel);
+            bits(shader.eye_surface(&ray, &mut Work::default()))
+        });
+        let ImageSize { width, height } = whole;
+        for part in [
+            [0, width, 0, height],
+            [0, width, 3, height],
+            [13, width - 5, 0, 281],
+            [1, 18, 0, height],
+            [37, 38, 0, height],
+            [5, width, 101, 140],
+            [0, width, 77, 78],
+        ] {
+            let window = Window::new(part, whole).expect("a part");
+            let (frame, counts) = Frame::trace(&shader, window, &|_| true).unwrap();
+            assert_eq!(counts.eye_rays, window.size.n_pixels() as u64);
+            for (i, pixel) in window.size.pixels().enumerate() {
+                let at = window.in_whole(pixel);
+                assert_eq!(bits(frame.surface(i)), one_by_one[at], "{at:?} in {part:?}");
+            }
+        }
+        let window = Window::whole(whole);
+        assert!(Frame::trace(&shader, window, &|_| false).is_err());
+    }
+
+    #[test]
+    fn blocks_show_what_each_eye_ray_arrives_at() {
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+        let parts = |name: &str| scene::load_parts(&scenes.join(name), &OPTIONS).unwrap().0;
+        let whole = ImageSize { width: 190, height: 301 };
+        for name in ["cornell-box/scene.toml", "rabbit/scene.toml", "interior/scene.xml"] {
+            assert_traced(&Scene::assemble(parts(name)), whole);
+        }
+        let mut masked = parts("cornell-box/scene.toml");
+        masked.materials.iter_mut().step_by(2).for_each(|material| material.opacity = 0.5);
+        assert_traced(&Scene::assemble(masked), whole);
+        let mut through_lens = parts("cornell-box/scene.toml");
+        through_lens.camera = through_lens.camera.with_lens(0.1, 3.0);
+        assert_traced(&Scene::assemble(through_lens), whole);
+    }
+
+    const OPTIONS: scene::Options =
+        scene::Options { definitions: Vec::new(), lenient: false, no_external: false };
 
     #[test]
     fn what_is_kept_of_a_surface_is_all_of_it() {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use base::{Fingerprint, FingerprintBuilder, Inventory, Ray, Rgb, hash_u64};
-use geometry::{Accel, Bounds, Creases, MaterialId, Memory, Mesh, Sphere, Surface};
+use geometry::{Accel, Bounds, Creases, Frustum, MaterialId, Memory, Mesh, Sphere, Surface};
 use glam::{Quat, Vec2, Vec3A};
 
 use crate::{
@@ -131,6 +131,15 @@ impl Scene {
             let (next, further) = self.accel.closest_surface(&rest)?;
             (surface, distance) = (next, distance + further);
         }
+    }
+
+    /// The rays from a point between four directions, one after the other around them, if surely all that meet the triangle
+    /// of a surface arrive there.
+    pub fn frustum(&self, origin: Vec3A, dirs: [Vec3A; 4], surface: &Surface) -> Option<Frustum> {
+        if self.material(surface).is_masked() {
+            return None;
+        }
+        self.accel.frustum(origin, dirs, surface.primitive)
     }
 
     /// The part of light along a ray that nothing stops: 0 or 1, unless there are surfaces of an opacity between.
