@@ -116,6 +116,15 @@ impl<'x, 'a> Account<'x, 'a> {
         Ok(values)
     }
 
+    /// Work of the cache that tells its watch of each of so many units done, and ends with nothing when that says stop.
+    pub(crate) fn watched<T>(
+        &self,
+        units: usize,
+        work: impl FnOnce(Watch<'_>) -> Option<T>,
+    ) -> Result<T, Interrupted> {
+        self.progress.run("cache", units, work).ok_or(Interrupted)
+    }
+
     /// As [`Account::overhead`], of what is worth a journal.
     pub(crate) fn probe<I: Sync, T: Piece>(
         &mut self,

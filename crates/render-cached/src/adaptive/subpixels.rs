@@ -5,7 +5,9 @@
 //! light at the others is that of the four around them. Where those differ too much, in the borders of sharp shadows and of what
 //! mirrors and glass show, or show other surfaces, it is computed. So the cost of light hardly grows with their number.
 
-use base::{Component, Components, Grid, ImageSize, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
+use base::{
+    Component, Components, Grid, ImageSize, Interrupted, Pixel, Rgb, Watch, math::FRAC_1_PI,
+};
 use cache_map::{Reason, SurfacePoint, Tolerance, Value, same_surface};
 use geometry::Surface;
 use glam::Vec3A;
@@ -184,7 +186,9 @@ pub(super) fn render(
     let emitters = shader.scene.lights.iter().filter_map(Light::enclosing_sphere).collect();
     let by_pixel = &by_pixel;
     let sweep = Sweep { frame, coarse, cells, specular, by_pixel, emitters, tolerance };
-    let Rest { alone, lights, caustic, chains } = sweep.all(&mut values);
+    let n_rows = view.size().height as usize;
+    let rest = account.watched(n_rows, |watch| sweep.all(&mut values, watch))?;
+    let Rest { alone, lights, caustic, chains } = rest;
     let (reasons, levels) = history;
     let mut reasons = Components::from_fn(|component| spread(&reasons[component], cells));
     let mut levels = Components::from_fn(|component| spread(&levels[component], cells));
@@ -308,10 +312,10 @@ struct Sweep<'x, 'a> {
 type Rows<'x> = Components<&'x mut [Rgb]>;
 
 impl Sweep<'_, '_> {
-    /// Finds what can be found without computing anything, and says what is left.
-    fn all(&self, values: &mut Components<Vec<Rgb>>) -> Rest {
+    /// Finds what can be found without computing anything, and says what is left. Nothing if somebody has asked for a stop.
+    fn all(&self, values: &mut Components<Vec<Rgb>>, watch: Watch<'_>) -> Option<Rest> {
         let Cells { size, n } = self.cells;
-        let stride = (size.width * n * n) as usize;
+        let stride = size.width as usize * (n * n) as usize;
         let Components { direct, indirect, specular, caustic } = values;
         let rows = (
             direct.par_chunks_mut(stride),
@@ -320,12 +324,13 @@ impl Sweep<'_, '_> {
             caustic.par_chunks_mut(stride),
         );
         let rows = rows.into_par_iter().enumerate();
-        let rests: Vec<Rest> = rows
+        let rests: Option<Vec<Rest>> = rows
             .map(|(y, (direct, indirect, specular, caustic))| {
-                self.row(y as u32, &mut Rows { direct, indirect, specular, caustic })
+                let mut rows = Rows { direct, indirect, specular, caustic };
+                watch(1).then(|| self.row(y as u32, &mut rows))
             })
             .collect();
-        rests.into_iter().fold(Rest::default(), Rest::append)
+        Some(rests?.into_iter().fold(Rest::default(), Rest::append))
     }
 
     /// The subpixels of a row of coarse pixels.
