@@ -33,13 +33,16 @@ position = [-1.3, 3, 0.3]
 intensity = 5
 "#;
 
-/// What 2x2 subpixels may cost beside one, in rays and photons, and how far they may be off.
+/// A scene at 2x2 subpixels.
 struct Case {
     name: &'static str,
     bench: Bench,
     options: &'static str,
-    target: f64,
+    /// The share of the pixels that may be off by more than 0.1. Without the subpixels that are computed it is about twice as much.
+    above: f64,
 }
+
+const TARGET: f64 = 0.02;
 
 #[test]
 fn subpixels_are_told_by_those_around() {
@@ -56,30 +59,31 @@ fn subpixels_are_told_by_those_around() {
             name: "box",
             bench: Bench::of_scene("cornell-box", "200K"),
             options: "--resolution 144x144 --shadow-rays 32 --gather 200",
-            target: 0.02,
+            above: 0.0035,
         },
         Case {
             name: "rods",
             bench: Bench::of_text(&format!("{RODS}{rods}"), "20K"),
             options: "--resolution 144x144 --shadow-rays 32 --gather 200",
-            target: 0.02,
+            above: 0.03,
         },
         Case {
             name: "rough",
             bench: Bench::of_scene("rough", "100K"),
             options: "--resolution 128x128 --shadow-rays 16 --gather 200 --glossy-rays 4",
-            target: 0.02,
+            above: 0.0016,
         },
     ];
     let mut faults = Vec::new();
-    for Case { name, bench, options, target } in cases {
-        let pair = bench.both(&format!("{options} --supersample 2 --error {target}"));
+    for Case { name, bench, options, above } in cases {
+        let pair = bench.both(&format!("{options} --supersample 2 --error {TARGET}"));
         let flip = pair.difference("").flip;
         let told = metadata(&pair.adaptive)["error"]["measured_mean"].as_f64().unwrap();
         let share = work(&pair.stats[0]) as f64 / work(&pair.stats[1]) as f64;
         let line = format!("{name}: told {told:.5}, {flip:?}, {share:.3} of the work");
         println!("{line}");
-        if flip.mean > 1.3 * target
+        if flip.mean > 1.2 * TARGET
+            || flip.share_above_0_1 > above
             || flip.worst_block_8x8 > 0.25
             || (told - flip.mean).abs() > 0.3 * flip.mean + 0.003
             || share > 0.35
