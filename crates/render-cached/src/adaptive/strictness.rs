@@ -25,8 +25,8 @@ impl Strictness {
             Component::Direct | Component::Caustic => (1.5, 12.0),
             // Density estimates have noise that isn't worth following; what is gathered has little.
             Component::Indirect if self.is_gathering => (2.0, 16.0),
-            Component::Specular => (3.0, 60.0),
-            Component::Indirect => (4.0, 80.0),
+            Component::Specular => (3.0, 30.0),
+            Component::Indirect => (4.0, 28.0),
         };
         let times = self.errors[component];
         Tolerance { error: error * times, edge: edge * times }
