@@ -161,8 +161,13 @@ impl<'a> Frame<'a> {
 
     /// The primitives that the eye rays meet first; [`NOTHING`] where there is none.
     pub(crate) fn primitives(&self) -> Vec<u32> {
-        let primitive = |seen: &Option<Seen>| seen.map_or(NOTHING, |seen| seen.primitive);
-        self.surfaces.values().iter().map(primitive).collect()
+        (0..self.size().n_pixels()).map(|index| self.primitive(index)).collect()
+    }
+
+    /// The same of the pixel of a number.
+    #[inline]
+    pub(crate) fn primitive(&self, index: usize) -> u32 {
+        self.surfaces.values()[index].as_ref().map_or(NOTHING, |seen| seen.primitive)
     }
 
     pub(crate) fn window(&self) -> Window {

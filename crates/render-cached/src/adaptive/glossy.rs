@@ -145,7 +145,7 @@ impl Glossy {
                 shader.chain_ends(point, stream, work, |leaf, work| {
                     let surface = &leaf.point.facing;
                     if leaf.is_glossy && look_up(&site_of(surface), view, finished).is_none() {
-                        let irradiance = shader.irradiance(surface, leaf.stream, true, work);
+                        let irradiance = shader.irradiance_of_glossy(surface, leaf.stream, work);
                         sum += weight_of(&leaf) * irradiance;
                     }
                     ControlFlow::Continue(())

@@ -55,14 +55,14 @@ struct Leaf {
 }
 
 impl Leaf {
-    /// Follows the chain again to its end.
-    fn irradiance(&self, frame: &Frame<'_>, work: &mut Work) -> Rgb {
+    /// Follows the chain again to its end, for so many shadow rays to each light.
+    fn irradiance(&self, frame: &Frame<'_>, rays: u32, work: &mut Work) -> Rgb {
         let shader = frame.shader();
         frame.at(frame.size().pixel(self.pixel as usize), work, |point, stream, work| {
             let mut irradiance = Rgb::BLACK;
             shader.chain_ends(point, stream, work, |leaf, work| {
                 if leaf.path == self.path && !leaf.is_glossy {
-                    irradiance = shader.irradiance(&leaf.point.facing, leaf.stream, false, work);
+                    irradiance = shader.irradiance(&leaf.point.facing, leaf.stream, rays, work);
                     return ControlFlow::Break(());
                 }
                 ControlFlow::Continue(())
@@ -214,8 +214,9 @@ impl Leaves {
         }
 
         let rule = LeafRule { leaves: &self.leaves, known: &known, floor: finished.floor };
+        let rays = account.frame.shader().settings.shadow_rays;
         let mut ends =
-            Ends { leaves: &self.leaves, source: &self.source, around: &mut self.around };
+            Ends { leaves: &self.leaves, rays, source: &self.source, around: &mut self.around };
         let mut irradiance: Vec<Rgb> = found.iter().map(|f| f.unwrap_or(Rgb::BLACK)).collect();
         let mut few = Vec::new();
         let mut first = 0;
@@ -441,6 +442,8 @@ impl Image {
 /// Where irradiance at ends that aren't in view comes from.
 struct Ends<'x> {
     leaves: &'x [Leaf],
+    /// Shadow rays to each light where it is computed.
+    rays: u32,
     source: &'x Source<Rgb>,
     around: &'x mut Around,
 }
@@ -456,7 +459,7 @@ impl Ends<'_> {
         step: impl Fn(usize) -> u32 + Sync,
         account: &mut Account<'_, '_>,
     ) -> Result<Vec<Known>, Interrupted> {
-        let Self { leaves, source, around } = self;
+        let &mut Self { leaves, rays, source, ref mut around } = self;
         let frame = account.frame;
         let places: Vec<_> = wanted.iter().map(|&leaf| (leaf as u32, leaves[leaf].site)).collect();
         let Tolerance { error, edge } = tolerance;
@@ -475,7 +478,7 @@ impl Ends<'_> {
             };
             source.fill(account, missing, take, |account, missing| {
                 account.items(Component::Specular, missing, |&n, work| {
-                    (leaves[wanted[n]].irradiance(frame, work), None)
+                    (leaves[wanted[n]].irradiance(frame, rays, work), None)
                 })
             })
         })

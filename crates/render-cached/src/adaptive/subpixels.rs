@@ -34,6 +34,9 @@ pub(super) struct Coarse<'x, 'a> {
     pub(super) strictness: &'x Strictness,
 }
 
+/// Tolerances at ends of chains are so much wider: a pixel is the mean of its subpixels, of which the first is exact.
+const WIDER: f32 = 3.0;
+
 /// Points of a light that single rays go to are stratified over squares of so many subpixels.
 const BLOCK: u32 = 4;
 
@@ -53,6 +56,10 @@ pub(super) struct Cells {
 }
 
 impl Cells {
+    pub(super) fn n_subpixels(self) -> u32 {
+        self.n * self.n
+    }
+
     /// The corners of the cell that begins at a coarse pixel. At the border of the picture some are the same.
     #[inline]
     fn corners(self, Pixel { x, y }: Pixel) -> [usize; 4] {
@@ -75,7 +82,7 @@ impl Cells {
     ) -> Option<Corners> {
         let Pixel { x, y } = subpixel;
         let cell = self.corners(Pixel { x: x / self.n, y: y / self.n });
-        Corners::new(&cell, self.place(subpixel), is_shown)
+        Corners::new(&cell, bilinear(self.place(subpixel)), is_shown)
     }
 }
 
@@ -90,13 +97,13 @@ pub(super) struct Corners {
 }
 
 impl Corners {
-    /// Of the corners of a cell those that `is_shown` says show the surface of the subpixel at `place` in it, from 0 to 1 both
-    /// ways; nothing if none does.
+    /// Of the corners of a cell those that `is_shown` says show the surface of a subpixel in it, for which they have these
+    /// weights; nothing if none does.
     #[inline]
-    fn new(cell: &[usize; 4], place: [f32; 2], is_shown: impl Fn(usize) -> bool) -> Option<Self> {
+    fn new(cell: &[usize; 4], weights: [f32; 4], is_shown: impl Fn(usize) -> bool) -> Option<Self> {
         let mut corners = Self { at: [0; 4], weights: [0.0; 4], n: 0, is_whole: true };
         let mut sum = 0.0;
-        for (&at, weight) in cell.iter().zip(bilinear(place)) {
+        for (&at, weight) in cell.iter().zip(weights) {
             if weight > 0.0 {
                 if is_shown(at) {
                     (corners.at[corners.n], corners.weights[corners.n]) = (at, weight);
@@ -181,11 +188,14 @@ pub(super) fn render(
     let Coarse { view, primary, finished, strictness, .. } = coarse;
     let cells = Cells { size: view.size(), n: coarse.frame.step() / frame.step() };
     let by_pixel = specular.by_pixel(view.size().n_pixels());
-    let mut values = Components::from_fn(|_| vec![Rgb::BLACK; size.n_pixels()]);
+    // Fresh memory is black: the sweep is the first to touch it.
+    let mut values = Components::from_fn(|_| bytemuck::zeroed_vec(size.n_pixels()));
     let tolerance = strictness.tolerance(Component::Direct);
     let emitters = shader.scene.lights.iter().filter_map(Light::enclosing_sphere).collect();
     let by_pixel = &by_pixel;
-    let sweep = Sweep { frame, coarse, cells, specular, by_pixel, emitters, tolerance };
+    let places = (0..cells.n).flat_map(|y| (0..cells.n).map(move |x| Pixel { x, y }));
+    let weights = places.map(|pixel| bilinear(cells.place(pixel))).collect();
+    let sweep = Sweep { frame, coarse, cells, weights, specular, by_pixel, emitters, tolerance };
     let n_rows = view.size().height as usize;
     let rest = account.watched(n_rows, |watch| sweep.all(&mut values, watch))?;
     let Rest { alone, lights, caustic, chains } = rest;
@@ -240,7 +250,8 @@ pub(super) fn render(
         (values.caustic[i], reasons.caustic[i]) = (radiance, Reason::Edge);
     }
 
-    let tolerance = strictness.tolerance(Component::Specular);
+    let Tolerance { error, edge } = strictness.tolerance(Component::Specular);
+    let tolerance = Tolerance { error: WIDER * error, edge: WIDER * edge };
     let followed =
         specular.between(by_pixel, &chains, cells, view, finished, tolerance, account)?;
     let first = |&Pixel { x, y }: &Pixel| Pixel { x: x * cells.n, y: y * cells.n };
@@ -291,9 +302,18 @@ fn mean(values: &[Rgb; 4], weights: [f32; 4]) -> Rgb {
 /// What the corners of a cell show that lies on one surface.
 struct Even {
     site: SurfacePoint,
+    /// Irradiance.
     direct: [Rgb; 4],
     indirect: [Rgb; 4],
     caustic: [Rgb; 4],
+}
+
+impl Even {
+    /// The light in between; what of it is seen by so much albedo.
+    #[inline]
+    fn radiance(&self, albedo: Rgb, weights: [f32; 4]) -> [Rgb; 3] {
+        [&self.direct, &self.indirect, &self.caustic].map(|of| albedo * mean(of, weights))
+    }
 }
 
 /// All that is known of the coarse picture, and the subpixels between.
@@ -301,6 +321,8 @@ struct Sweep<'x, 'a> {
     frame: &'x Frame<'a>,
     coarse: &'x Coarse<'x, 'a>,
     cells: Cells,
+    /// Of the corners of a cell, for each of the subpixels in it.
+    weights: Vec<[f32; 4]>,
     specular: &'x Leaves,
     by_pixel: &'x ByPixel,
     /// Spheres around them.
@@ -342,29 +364,33 @@ impl Sweep<'_, '_> {
         for x in 0..width {
             let cell = self.cells.corners(Pixel { x, y });
             let even = self.even(Pixel { x, y }, &cell);
-            let mut chains_agree = None;
+            // Most are so: the same triangle, of one color, everywhere.
+            let plain = even.as_ref().and_then(|_| self.plain(cell[0]));
+            let mut agreeing = None;
             for (dy, dx) in (0..n).flat_map(|dy| (0..n).map(move |dx| (dy, dx))) {
                 let pixel = Pixel { x: x * n + dx, y: y * n + dy };
-                let Some(surface) = frame.surface(frame.size().index(pixel)) else { continue };
+                let (index, at) =
+                    (frame.size().index(pixel), (dy * width * n + x * n + dx) as usize);
+                let weights = self.weights[(dy * n + dx) as usize];
+                if let (Some(even), Some((primitive, albedo))) = (&even, plain)
+                    && frame.primitive(index) == primitive
+                {
+                    [values.direct[at], values.indirect[at], values.caustic[at]] =
+                        even.radiance(albedo, weights);
+                    continue;
+                }
+                let Some(surface) = frame.surface(index) else { continue };
                 let material = scene.material(&surface);
-                let at = (dy * width * n + x * n + dx) as usize;
-                let place = self.cells.place(pixel);
                 if material.is_diffuse() {
                     let (site, albedo) = as_seen(&surface, frame.eye(pixel), scene);
                     let albedo = albedo * FRAC_1_PI;
-                    match &even {
+                    [values.direct[at], values.indirect[at], values.caustic[at]] = match &even {
                         Some(even) if same_surface(&even.site, &site) => {
-                            let weights = bilinear(place);
-                            values.direct[at] = albedo * mean(&even.direct, weights);
-                            values.indirect[at] = albedo * mean(&even.indirect, weights);
-                            values.caustic[at] = albedo * mean(&even.caustic, weights);
+                            even.radiance(albedo, weights)
                         }
                         _ => {
                             let (seen, rest) = ((pixel, site, albedo), &mut rest);
-                            let found = self.diffuse(seen, &cell, place, rest);
-                            values.direct[at] = albedo * found[0];
-                            values.indirect[at] = albedo * found[1];
-                            values.caustic[at] = albedo * found[2];
+                            self.diffuse(seen, &cell, weights, rest).map(|found| albedo * found)
                         }
                     }
                 }
@@ -372,9 +398,8 @@ impl Sweep<'_, '_> {
                     let known = match (dx, dy) {
                         (0, 0) => Ok(self.specular.radiance(cell[0])),
                         _ => {
-                            let agree =
-                                *chains_agree.get_or_insert_with(|| self.chains_agree(&cell));
-                            self.specular(&surface, &cell, place, agree)
+                            let agreeing = agreeing.get_or_insert_with(|| self.agreeing(&cell));
+                            self.specular(&surface, &cell, weights, agreeing)
                         }
                     };
                     match known {
@@ -409,18 +434,32 @@ impl Sweep<'_, '_> {
         is_even.then_some(even)
     }
 
+    /// The triangle or sphere that a coarse pixel shows, and its albedo over pi, if that is the same everywhere on it and
+    /// nothing is seen in it.
+    fn plain(&self, index: usize) -> Option<(u32, Rgb)> {
+        let Coarse { frame, view, .. } = self.coarse;
+        let material = frame.shader().scene.material(&frame.surface(index)?);
+        let is_plain =
+            material.is_diffuse() && !material.is_specular() && material.albedo_texture.is_none();
+        is_plain.then(|| (frame.primitive(index), view.albedo(index) * FRAC_1_PI))
+    }
+
     /// Direct, indirect and caustic irradiance on a diffuse surface, as far as it is known.
     fn diffuse(
         &self,
         (pixel, site, albedo): (Pixel, SurfacePoint, Rgb),
         cell: &[usize; 4],
-        place: [f32; 2],
+        weights: [f32; 4],
         rest: &mut Rest,
     ) -> [Rgb; 3] {
         let Coarse { view, primary, finished, .. } = self.coarse;
         let sites = view.sites.values();
         let is_shown = |i: usize| sites[i].as_ref().is_some_and(|s| same_surface(s, &site));
-        let Some(corners) = Corners::new(cell, place, is_shown) else {
+        // Far from edges, the first stands for the others.
+        let are_shown =
+            view.lattice.has_no_edge_around(view.size().pixel(cell[0])).then(|| is_shown(cell[0]));
+        let is_shown = |i: usize| are_shown.unwrap_or_else(|| is_shown(i));
+        let Some(corners) = Corners::new(cell, weights, is_shown) else {
             rest.alone.push(pixel);
             return [Rgb::BLACK; 3];
         };
@@ -441,24 +480,22 @@ impl Sweep<'_, '_> {
         [direct, indirect, caustic]
     }
 
-    /// Whether the corners of a cell show the same by mirrors and glass.
-    fn chains_agree(&self, cell: &[usize; 4]) -> bool {
-        let [first, others @ ..] = cell;
+    /// The corners of a cell that show the same as the first by mirrors and glass.
+    fn agreeing(&self, cell: &[usize; 4]) -> [bool; 4] {
         let tolerance = self.tolerance.error;
-        let agrees = |&other: &usize| {
-            self.specular.agree(self.by_pixel, &self.emitters, tolerance, *first, other)
-        };
-        others.iter().all(agrees)
+        cell.map(|corner| {
+            self.specular.agree(self.by_pixel, &self.emitters, tolerance, cell[0], corner)
+        })
     }
 
-    /// What a surface that begins chains shows, if these `agree` around; if not, what of it comes by branches that carry little,
-    /// where the surface is seen around, too.
+    /// What a surface that begins chains shows, if all corners that count are `agreeing`; if not, what of it comes by branches
+    /// that carry little, where the surface is seen around, too.
     fn specular(
         &self,
         surface: &Surface,
         cell: &[usize; 4],
-        place: [f32; 2],
-        agree: bool,
+        weights: [f32; 4],
+        agreeing: &[bool; 4],
     ) -> Result<Rgb, Option<Rgb>> {
         let site = site_of(surface);
         let is_shown = |i: usize| {
@@ -469,10 +506,11 @@ impl Sweep<'_, '_> {
                     other.material == surface.material && same_surface(&site_of(&other), &site)
                 })
         };
-        let Some(corners) = Corners::new(cell, place, is_shown) else { return Err(None) };
+        let Some(corners) = Corners::new(cell, weights, is_shown) else { return Err(None) };
         let radiance = corners.blend(|i| self.specular.radiance(i));
         let span = corners.span(|i| self.specular.radiance(i));
         let limit = self.tolerance.edge * (self.coarse.finished.floor + radiance.luminance());
+        let agree = agreeing.iter().zip(weights).all(|(&agrees, weight)| agrees || weight == 0.0);
         match agree && corners.is_whole && span <= limit {
             true => Ok(radiance),
             false => Err(Some(corners.blend(|i| self.by_pixel.faint(i)))),

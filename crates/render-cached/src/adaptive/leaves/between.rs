@@ -47,6 +47,13 @@ pub(crate) struct Followed {
     pub(crate) is_glossy: bool,
 }
 
+/// The fewest shadow rays of an end, if there are so many.
+const FEWEST_RAYS: u32 = 16;
+
+/// Ends of the same path that lie far apart may bring as different radiance as so many times the tolerance: what lies between
+/// is wrong by a part of that.
+const FAR_APART: f32 = 4.0;
+
 impl Leaves {
     /// Sorts the leaves by their pixels.
     pub(crate) fn by_pixel(&self, n_pixels: usize) -> ByPixel {
@@ -125,7 +132,7 @@ impl Leaves {
             };
             let differs = !same_surface(&leaf.site, &other.site)
                 && radiance.max(other_radiance) > most
-                || apart > reach && (radiance - other_radiance).abs() > most;
+                || apart > reach && (radiance - other_radiance).abs() > FAR_APART * most;
             let is_bright = !(leaf.is_faint && other.is_faint);
             if differs || is_bright && emitters.iter().any(is_near) {
                 return false;
@@ -192,7 +199,10 @@ impl Leaves {
             account.overhead(&numbers, |&i, _| found[i].or_else(|| tell(i)))?;
         let missing: Vec<usize> = numbers.into_iter().filter(|&i| found[i].is_none()).collect();
         let source = Saved::default().exact_source(&Records::default());
-        let mut ends = Ends { leaves: &leaves, source: &source, around: &mut self.around };
+        // The subpixels of a pixel share the rays of one.
+        let rays = frame.shader().settings.shadow_rays;
+        let rays = (rays / cells.n_subpixels()).max(rays.min(FEWEST_RAYS));
+        let mut ends = Ends { leaves: &leaves, rays, source: &source, around: &mut self.around };
         let computed = ends.fill(&rule, tolerance, &missing, |_| 0, account)?;
 
         let mut irradiance: Vec<Rgb> = found.into_iter().map(Option::unwrap_or_default).collect();
