@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Filter::Box)]
     pub filter: Filter,
     /// Which pixels are computed
-    #[arg(long, value_enum, default_value_t = Mode::Paper)]
+    #[arg(long, value_enum, default_value_t = Mode::Adaptive)]
     pub mode: Mode,
     /// Mean FLIP against mode original that mode adaptive aims at; 0 computes everything
     #[arg(long, value_name = "E", default_value_t = 0.01, value_parser = parse_error)]
@@ -149,21 +149,26 @@ pub enum Indirect {
     Gather,
 }
 
+const TAU_DIRECT: f32 = 0.05;
+const TAU_INDIRECT: f32 = 0.05;
+const TAU_SPECULAR: f32 = 0.02;
+const REGION: u32 = 8;
+
 /// How pixels are interpolated, and what is kept of the computed ones.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Mode paper")]
 pub struct Paper {
     /// Greatest error of a candidate for direct light, Eq. (9)
-    #[arg(long, value_name = "TAU", default_value_t = 0.05, value_parser = parse_threshold)]
+    #[arg(long, value_name = "TAU", default_value_t = TAU_DIRECT, value_parser = parse_threshold)]
     pub tau_direct: f32,
     /// Greatest error of a candidate for indirect light, Eq. (10)
-    #[arg(long, value_name = "TAU", default_value_t = 0.05, value_parser = parse_threshold)]
+    #[arg(long, value_name = "TAU", default_value_t = TAU_INDIRECT, value_parser = parse_threshold)]
     pub tau_indirect: f32,
     /// Greatest error of a candidate for specular light, Eq. (11)
-    #[arg(long, value_name = "TAU", default_value_t = 0.02, value_parser = parse_threshold)]
+    #[arg(long, value_name = "TAU", default_value_t = TAU_SPECULAR, value_parser = parse_threshold)]
     pub tau_specular: f32,
     /// Side of the square in which candidates are searched, in pixels
-    #[arg(long, value_name = "PIXELS", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=256))]
+    #[arg(long, value_name = "PIXELS", default_value_t = REGION, value_parser = clap::value_parser!(u32).range(2..=256))]
     pub region: u32,
     /// Distance that counts as an error of 1, `R_0` of Eq. (2), in units of the scene [default: 1/10 of its diagonal]
     #[arg(long, value_name = "R", value_parser = parse_length)]
@@ -184,6 +189,21 @@ pub struct Paper {
     /// Make the picture, or a tile of it, of the layers that the same options have saved
     #[arg(long, value_name = "FILE.layers", help_heading = "Mode adaptive", conflicts_with_all = ["save_layers", "save_cache"])]
     pub from_layers: Option<PathBuf>,
+}
+
+impl Paper {
+    /// The first option that only mode paper heeds, if one has another value than when nothing is said.
+    pub(crate) fn of_paper_alone(&self) -> Option<&'static str> {
+        let options = [
+            ("--tau-direct", self.tau_direct != TAU_DIRECT),
+            ("--tau-indirect", self.tau_indirect != TAU_INDIRECT),
+            ("--tau-specular", self.tau_specular != TAU_SPECULAR),
+            ("--region", self.region != REGION),
+            ("--r0", self.r0.is_some()),
+            ("--fraction", self.fraction.is_some()),
+        ];
+        options.into_iter().find_map(|(name, is_given)| is_given.then_some(name))
+    }
 }
 
 /// What else the program does.

@@ -105,6 +105,9 @@ fn check(args: &Args) -> anyhow::Result<rayon::ThreadPool> {
             "--save-cache and --from-cache need --mode paper, or --mode adaptive with an --error above 0".into()
         ));
     }
+    if let Some(option) = args.paper.of_paper_alone().filter(|_| args.mode != Mode::Paper) {
+        bail!(WrongUsage(format!("{option} needs --mode paper")));
+    }
     if args.is_part() {
         if args.paper.save_cache.is_some() || args.paper.from_cache.is_some() {
             bail!(WrongUsage(

@@ -20,7 +20,7 @@ fn pictures_beyond_memory_are_refused() {
     let bench = Bench::new();
     let before = bench.files();
     for (limit, by) in [("-v 4000000", "ulimit -v"), ("-d 4000000", "ulimit -d")] {
-        let output = limited(&bench, limit, "-t 1 -o a.exr --resolution 5000x5000");
+        let output = limited(&bench, limit, "-t 1 -o a.exr --mode paper --resolution 5000x5000");
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1), "{said}");
         assert!(said.starts_with("render-cached: this run needs 5."), "{said}");

@@ -202,11 +202,11 @@ fn parts_that_cannot_be_are_wrong_usage() {
         bench.refuses(&format!("{RUN} {options} -o a.exr"), 2, message);
     };
     refuses(
-        "--tile 1/7",
+        "--mode original --tile 1/7",
         "a picture of 150x90 pixels has 6 blocks of 64x64 pixels; ask for as many tiles at most",
     );
     refuses(
-        "--crop 0,151,0,10",
+        "--mode original --crop 0,151,0,10",
         "--crop 0,151,0,10 isn't a part of a picture of 150x90 pixels; give x0,x1,y0,y1 with x0 < x1 <= 150 and y0 < y1 <= 90",
     );
     refuses(

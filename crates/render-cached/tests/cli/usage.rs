@@ -80,6 +80,14 @@ fn combinations_without_sense_are_told() {
             );
         }
     }
+    for (option, value) in
+        [("--tau-direct", "0.1"), ("--tau-specular", "0"), ("--region", "6"), ("--r0", "1")]
+    {
+        for mode in ["", "--mode original", "--mode adaptive"] {
+            let message = format!("{option} needs --mode paper");
+            refuses(&format!("-o a.exr {mode} {option} {value}"), &message);
+        }
+    }
     refuses(
         "-o a.exr --mode papr",
         "invalid value 'papr' for '--mode <MODE>' [possible values: original, paper, adaptive]; tip: a similar value exists: 'paper'; try --help",
