@@ -54,6 +54,17 @@ fn subpixels_are_told_by_those_around() {
             )
         })
         .collect();
+    // White on black, and so small that most of it shows at subpixels between those that the cache works on.
+    let dust: String = (0..81)
+        .map(|i| {
+            let (x, z) = (f64::from(i % 9), f64::from(i / 9));
+            let (x, z) = (-1.63 + 0.3913 * x + 0.0171 * z, -1.31 + 0.3071 * z + 0.0133 * x);
+            format!(
+                "[[quads]]\ncorner = [{x}, 0.01, {z}]\nedges = [[0, 0, 0.014], [0.014, 0, 0]]\nmaterial = \"dust\"\n"
+            )
+        })
+        .collect();
+    let dust = format!("{dust}[materials.dust]\ntype = \"diffuse\"\nalbedo = 0.9\n");
     let cases = [
         Case {
             name: "box",
@@ -66,6 +77,12 @@ fn subpixels_are_told_by_those_around() {
             bench: Bench::of_text(&format!("{RODS}{rods}"), "20K"),
             options: "--resolution 144x144 --shadow-rays 32 --gather 200",
             above: 0.03,
+        },
+        Case {
+            name: "dust",
+            bench: Bench::of_text(&format!("{}{dust}", RODS.replace("0.7", "0.03")), "20K"),
+            options: "--resolution 144x144 --shadow-rays 32 --gather 200",
+            above: 0.001,
         },
         Case {
             name: "rough",
