@@ -104,3 +104,15 @@ fn thin_rods() {
     });
     assert_kept("thin-rods", &rods.collect::<String>(), SHARE_ABOVE);
 }
+
+/// Under the lamp of the box, a finger's width below the ceiling, indirect light is half of what it is beside it.
+#[test]
+fn indirect_light_ends_where_something_hides_it() {
+    let bench = Bench::of_scene("cornell-box", "200K");
+    let pair = bench.both("--resolution 200x200 --shadow-rays 16 --gather 200 --error 0.02");
+    let share = pair.difference("indirect").flip.share_above_0_1;
+    // With edges of 140 % only it is 0.0046.
+    if share > 0.0040 {
+        panic!("{share}, see {}", pair.show("adaptive-indirect-edges", "indirect").display());
+    }
+}
