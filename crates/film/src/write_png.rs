@@ -8,7 +8,7 @@ use base::{Grid, Rgb};
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::srgb::{exposure_factor, to_byte};
+use crate::srgb::{self, exposure_factor};
 
 /// Writes linear `image` as 8-bit sRGB: scaled by 2^`exposure_ev`, clamped, through the sRGB curve. Returns the number of bytes.
 ///
@@ -42,8 +42,9 @@ pub fn write_png(
     }
 
     let factor = exposure_factor(exposure_ev);
-    let bytes: Vec<[u8; 3]> =
-        image.values().par_iter().map(|&c| (c * factor).to_array().map(to_byte)).collect();
+    let srgb = srgb::Bytes::new();
+    let to_bytes = |&c: &Rgb| (c * factor).to_array().map(|v| srgb.of(v));
+    let bytes: Vec<[u8; 3]> = image.values().par_iter().map(to_bytes).collect();
     Ok(atomic_file::write(path, existing, |out| {
         let mut encoder = png::Encoder::new(out, size.width, size.height);
         encoder.set_color(png::ColorType::Rgb);

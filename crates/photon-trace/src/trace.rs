@@ -220,6 +220,7 @@ struct Emitter<'a> {
     config: &'a Config,
     light: &'a Light,
     seed: u64,
+    starts: OwenSobol,
     /// How many photons share its flux. Those beyond are aimed.
     n_photons: u64,
     /// Where aimed photons start.
@@ -252,7 +253,8 @@ impl<'a> Emitter<'a> {
             let others = n_others as f32;
             others / (others + n_aimed as f32 / aim.share())
         });
-        Self { scene, config, light, seed, n_photons: n_others, aim, share_of_aimed }
+        let starts = OwenSobol::new(seed);
+        Self { scene, config, light, seed, starts, n_photons: n_others, aim, share_of_aimed }
     }
 
     /// Emits photon `index` of the light and follows it to its end.
@@ -262,7 +264,7 @@ impl<'a> Emitter<'a> {
                 let points = OwenSobol::new(hash_u64(self.seed, Stream::Aim as u64));
                 (aim.start(points.point(index - self.n_photons)), true)
             }
-            _ => (OwenSobol::new(self.seed).point(index), false),
+            _ => (self.starts.point(index), false),
         };
         let caustic_share = match &self.aim {
             Some(aim) if is_aimed || aim.holds(u) => self.share_of_aimed,

@@ -186,17 +186,14 @@ impl Light {
             Vec3A::from(bounds.center()) + frame.s * disc.x + frame.t * disc.y - dir * radius
         };
         let (first, second) = (Vec2::new(u[0], u[1]), Vec2::new(u[2], u[3]));
-        let mut flux = self.flux(bounds);
         let (origin, dir) = match &self.kind {
             LightKind::Area(light) => {
-                let (origin, dir, told) = light.emit(u);
-                flux = told;
-                (origin, dir)
+                let (origin, dir, flux) = light.emit(u);
+                return Emission { origin, dir, flux };
             }
             LightKind::Sphere(light) => {
-                let (origin, dir, told) = light.emit(u);
-                flux = told;
-                (origin, dir)
+                let (origin, dir, flux) = light.emit(u);
+                return Emission { origin, dir, flux };
             }
             LightKind::Point { position, .. } => {
                 (*position, warp::uniform_sphere(first).normalize())
@@ -212,11 +209,12 @@ impl Light {
             LightKind::EnvironmentMap(map) => {
                 let drawn = map.draw(second);
                 let share = drawn.map_or(Rgb::BLACK, |d| d.radiance / (d.pdf * map.total().mean()));
-                flux = share * flux.mean();
                 let dir = drawn.map_or(Vec3A::NEG_Y, |d| -d.dir);
-                (from_beyond(dir, first), dir)
+                let flux = share * self.flux(bounds).mean();
+                return Emission { origin: from_beyond(dir, first), dir, flux };
             }
         };
+        let flux = self.flux(bounds);
         Emission { origin, dir, flux }
     }
 
