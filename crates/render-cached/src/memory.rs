@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use cli::Need;
 use scene::{LightKind, Scene};
 
-use crate::adaptive::are_told;
+use crate::adaptive::step_of_cache;
 use crate::render::takes_all;
 use crate::tile::Extent;
 use crate::{Args, Indirect, Mode};
@@ -69,10 +69,10 @@ pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
             let of_cache = ADAPTIVE + CACHED_LIGHT * n_cached(scene);
             let n = subpixels(extent);
             let most = match args.mode {
-                Mode::Adaptive if are_told(args, n as usize, &scene.camera) => {
-                    TOLD * n + of_cache * (n / u64::from(args.supersample).pow(2))
-                }
-                Mode::Adaptive => of_cache * n,
+                Mode::Adaptive => match u64::from(step_of_cache(args, n as usize, &scene.camera)) {
+                    1 => of_cache * n,
+                    step => TOLD * n + of_cache * (n / (step * step)),
+                },
                 Mode::Original | Mode::Paper => PAPER * n,
             };
             let of_layers = bands().map(|band| layers(&band)).max().unwrap_or(0);

@@ -111,7 +111,8 @@ fn spacing(view: &View, radius: f32) -> Vec<f32> {
     let spacing = |cell| {
         let sites = view.some_pixels(cell).filter_map(|pixel| view.sites[pixel].as_ref());
         let longest = sites.map(|site| view.longest_footprint(site)).fold(0.0, f32::max);
-        if FARTHEST * longest <= radius { WIDE } else { NARROW }
+        let widest = if FARTHEST * longest <= radius { WIDE } else { NARROW };
+        widest / view.apart() as f32
     };
     cells.into_par_iter().with_min_len(64).map(spacing).collect()
 }

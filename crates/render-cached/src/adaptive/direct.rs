@@ -309,7 +309,8 @@ impl Direct {
         let shader = frame.shader();
         for CachedLight { light, unshadowed, visibility, source, clear } in &mut self.lights {
             // A single ray tells all of a point's visibility: nothing is cheaper.
-            let coarsest = if shader.light(*light).is_delta() { 1 } else { COARSEST };
+            let coarsest =
+                if shader.light(*light).is_delta() { 1 } else { COARSEST / view.apart() };
             let floor = indirect.floor();
             let rule = LightRule {
                 view,
@@ -416,7 +417,7 @@ impl Rule<Rgb> for RestRule<'_> {
         self.floor + irradiance * self.view.gain(index)
     }
     fn spacing(&self, _: Pixel) -> f32 {
-        COARSEST as f32
+        (COARSEST / self.view.apart()) as f32
     }
 }
 
@@ -440,7 +441,7 @@ fn unshadowed(
             self.indirect.ambient(self.view, self.view.size().pixel(index)) + predicted.luminance()
         }
         fn spacing(&self, _: Pixel) -> f32 {
-            UNSHADOWED_COARSEST as f32
+            (UNSHADOWED_COARSEST / self.view.apart()) as f32
         }
     }
     let mut layer = Layer::new(view.size().n_pixels());
@@ -472,8 +473,8 @@ const MANY_RAYS: u32 = 48;
 /// How far around a wrong prediction others are doubted, in pixels.
 const DOUBT: u32 = 2;
 
-/// A shadow ray for every other interpolated pixel (for every fourth, where computing a pixel takes few rays), its place
-/// on the light stratified over blocks of pixels. Where it contradicts the interpolation, the pixel is traced, and its
+/// A shadow ray for every other interpolated pixel (for every fourth, where computing a pixel takes few rays or the cache works
+/// on every fourth), its place on the light stratified over blocks of pixels. Where it contradicts the interpolation, the pixel is traced, and its
 /// neighbours as long as they too were wrong.
 fn verify(
     rule: &LightRule<'_>,
@@ -491,7 +492,11 @@ fn verify(
     };
     let frame = account.frame;
     let rows: Vec<u32> = (0..size.height).collect();
-    let rows_apart = if shader.settings.shadow_rays < MANY_RAYS { 2 } else { 1 };
+    let (columns_apart, rows_apart) = match view.apart() {
+        1 if shader.settings.shadow_rays < MANY_RAYS => (2, 2),
+        1 => (2, 1),
+        _ => (1, 1),
+    };
     let contradicted = account.overhead(&rows, |&y, work| {
         let mut contradicted = Vec::new();
         for pixel in (0..size.width).map(|x| Pixel { x, y }) {
@@ -499,7 +504,7 @@ fn verify(
             let value = visibility.values[i];
             let is_sure = !(SURELY_DARK..=SURELY_LIT).contains(&value);
             // Every other pixel, as on a chessboard, or the same of every other row.
-            if (pixel.x + pixel.y / rows_apart) % 2 == 1
+            if (pixel.x + pixel.y / rows_apart) % columns_apart != 0
                 || pixel.y % rows_apart != 0
                 || clear.holds(pixel)
             {
@@ -510,7 +515,7 @@ fn verify(
             };
             if is_sure && !visibility.is_exact(i) && matters(i, value) {
                 let row = pixel.y / rows_apart;
-                let in_block = (row % 4) * 2 + pixel.x % 4 / 2;
+                let in_block = (row % 4) * (4 / columns_apart) + pixel.x % 4 / columns_apart;
                 let block = u64::from(row / 4) << 32 | u64::from(pixel.x / 4);
                 let facing = surface.facing(site.normal.into());
                 let free = shader.probe(light, &facing, in_block, block, work);

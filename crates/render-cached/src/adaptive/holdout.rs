@@ -39,7 +39,8 @@ impl HeldOut {
     pub(crate) fn compute(args: &Args, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
         let size = account.frame.size();
         // Subpixels are more, but what is to be known is the same.
-        let share = SHARE / f64::from(args.supersample / account.frame.step()).powi(2);
+        let per_pixel = f64::from(args.supersample) / f64::from(account.frame.step());
+        let share = SHARE / (per_pixel * per_pixel);
         let n = ((size.n_pixels() as f64 * share) as usize).clamp(FEWEST, MOST);
         Self::of(choose(size, n, args.seed, 0), account)
     }

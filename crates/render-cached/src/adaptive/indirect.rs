@@ -185,7 +185,8 @@ impl Indirect {
                 let wanted = (self.spacing[cell] * self.share).min(WIDEST * self.radius[cell]);
                 // Cells take turns at the two powers of the root of two around the spacing that is wanted.
                 let square = wanted * wanted * self.view.dither(pixel);
-                let half_octaves = (square.clamp(1.0, (COARSEST * COARSEST) as f32) as u32).ilog2();
+                let widest = COARSEST / self.view.apart();
+                let half_octaves = (square.clamp(1.0, (widest * widest) as f32) as u32).ilog2();
                 let octave = (1 << (half_octaves / 2)) as f32;
                 if half_octaves.is_multiple_of(2) { octave } else { octave * SQRT_2 }
             }

@@ -213,7 +213,7 @@ impl Leaves {
             known[leaf.pixel as usize] += found.map_or(0.0, |e| (leaf.weight * e).luminance());
         }
 
-        let rule = LeafRule { leaves: &self.leaves, known: &known, floor: finished.floor };
+        let rule = LeafRule::new(&self.leaves, &known, view, finished);
         let rays = account.frame.shader().settings.shadow_rays;
         let mut ends =
             Ends { leaves: &self.leaves, rays, source: &self.source, around: &mut self.around };
@@ -490,6 +490,15 @@ struct LeafRule<'x> {
     leaves: &'x [Leaf],
     known: &'x [f32],
     floor: f32,
+    coarsest: f32,
+}
+
+impl<'x> LeafRule<'x> {
+    /// For the leaves of pixels of which so much radiance is known.
+    fn new(leaves: &'x [Leaf], known: &'x [f32], view: &View, finished: &Finished) -> Self {
+        let coarsest = (COARSEST / view.apart()) as f32;
+        Self { leaves, known, floor: finished.floor, coarsest }
+    }
 }
 
 impl Rule<Rgb> for LeafRule<'_> {
@@ -501,7 +510,7 @@ impl Rule<Rgb> for LeafRule<'_> {
         self.floor + self.known[leaf.pixel as usize] + (leaf.weight * predicted).luminance()
     }
     fn spacing(&self, _: Pixel) -> f32 {
-        COARSEST as f32
+        self.coarsest
     }
 }
 
@@ -524,7 +533,7 @@ impl Rule<Rgb> for ImageRule<'_> {
     fn reference(&self, index: usize, predicted: Rgb) -> f32 {
         self.rule.reference(self.leaf(index), predicted)
     }
-    fn spacing(&self, _: Pixel) -> f32 {
-        COARSEST as f32
+    fn spacing(&self, pixel: Pixel) -> f32 {
+        self.rule.spacing(pixel)
     }
 }

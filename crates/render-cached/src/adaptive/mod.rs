@@ -17,6 +17,7 @@ mod primary;
 mod records;
 mod strictness;
 mod subpixels;
+mod told;
 mod view;
 mod whole;
 
@@ -32,7 +33,7 @@ use crate::frame::Frame;
 use crate::render::{Progress, Rendered};
 
 pub(crate) use account::{Account, ErrorReport, origins};
-pub(crate) use subpixels::are_told;
+pub(crate) use subpixels::step as step_of_cache;
 pub(crate) use view::View;
 
 use glossy::Glossy;
@@ -41,6 +42,7 @@ use leaves::Leaves;
 use primary::Primary;
 use strictness::Strictness;
 use subpixels::Coarse;
+use told::Told;
 
 /// The widest spacing of a lattice, in pixels.
 const COARSEST: u32 = 16;
@@ -76,10 +78,14 @@ pub(crate) fn render(
     let coarse = subpixels::coarse(args, fine);
     let frame = coarse.as_ref().unwrap_or(fine);
     account.frame = frame;
-    let view = View::new(frame);
+    let view = View::new(frame, args.supersample);
     let mut strictness = Strictness::new(args.error, frame.shader().is_gathering());
     let mut primary = Primary::start(&view, &saved, args.error, &strictness, &mut account)?;
     let held_out = HeldOut::compute(args, &mut account)?;
+    let told = match &coarse {
+        None => None,
+        Some(coarse) => Some(Told::new(args, fine, coarse, &mut account)?),
+    };
     let target = f64::from(args.error);
     let too_large_by = |error: &ErrorReport| (error.measured_mean / target) as f32;
     // Chains end on what the eye sees, so that comes first; what they show is wrong by as much.
@@ -87,7 +93,12 @@ pub(crate) fn render(
         let shown = |i: usize, specular: Rgb| {
             view.sites.values()[i].map(|_| primary.radiance(&view, i, specular))
         };
-        let report = held_out.measure(args, frame.size(), shown, |_| false);
+        let mut report = held_out.measure(args, frame.size(), shown, |_| false);
+        if view.apart() > 1
+            && let Some(told) = &told
+        {
+            report.estimate = told.in_view(args, report.estimate, &view, &primary);
+        }
         if report.estimate.measured_mean <= NEAR_ENOUGH_IN_VIEW * target || round == MAX_ROUNDS {
             break;
         }
@@ -137,7 +148,7 @@ pub(crate) fn render(
         records::save(path, args, frame, inputs, &mut set, is_complete)?;
     }
     let (reasons, levels) = history(&mut primary, &specular, &glossy, frame.size().n_pixels());
-    if coarse.is_some() {
+    if let Some(told) = told {
         let finished = primary.finished(&view);
         let coarse = Coarse {
             frame,
@@ -148,11 +159,7 @@ pub(crate) fn render(
         };
         account.frame = fine;
         let shown = subpixels::render(&coarse, &mut specular, (reasons, levels), &mut account)?;
-        let n = frame.step() / fine.step();
-        let held_out = HeldOut::between(args, n, &mut account)?;
-        let at = |i: usize, _| Some(Components::from_fn(|c| shown.values[c].values()[i]));
-        let between = held_out.measure(args, fine.size(), at, |_| false).estimate;
-        let error = error.with(between, 1.0 - 1.0 / f64::from(n * n));
+        let error = told.at_last(args, error, &shown.values);
         return Ok(account.finish(shown.values, shown.reasons, shown.levels, error));
     }
     // Radiance takes the place of irradiance: memory that is touched for the first time takes longer than the sums.

@@ -34,6 +34,12 @@ pub(super) struct Coarse<'x, 'a> {
     pub(super) strictness: &'x Strictness,
 }
 
+/// A picture of so many pixels is large.
+const LARGE: usize = 1 << 20;
+
+/// Of a whole pixel all errors are seen, where those of subpixels make up for each other: tolerances are so much narrower.
+const NARROWER: f32 = 0.5;
+
 /// Tolerances at ends of chains are so much wider: a pixel is the mean of its subpixels, of which the first is exact.
 const WIDER: f32 = 3.0;
 
@@ -56,6 +62,15 @@ pub(super) struct Cells {
 }
 
 impl Cells {
+    /// Those of a frame, given the one that is thinned.
+    pub(super) fn new(frame: &Frame<'_>, coarse: &Frame<'_>) -> Self {
+        Self { size: coarse.size(), n: coarse.step() / frame.step() }
+    }
+
+    pub(super) fn n(self) -> u32 {
+        self.n
+    }
+
     pub(super) fn n_subpixels(self) -> u32 {
         self.n * self.n
     }
@@ -162,18 +177,22 @@ impl Rest {
     }
 }
 
-/// Whether the cache works on one subpixel of each pixel of a picture: there must be enough of them, and what lies beside each
-/// other in the picture must lie so in the scene, which a lens doesn't grant.
-pub(crate) fn are_told(args: &Args, n_subpixels: usize, camera: &Camera) -> bool {
-    let n = args.supersample as usize;
-    n > 1 && n_subpixels / (n * n) >= FEWEST_PIXELS && camera.is_pinhole()
+/// How far apart the subpixels are, each way, that the cache works on: one of each pixel, or every other pixel of a large
+/// picture, or all. There must be enough of them, and what lies beside each other in the picture must lie so in the scene, which a
+/// lens doesn't grant.
+pub(crate) fn step(args: &Args, n_subpixels: usize, camera: &Camera) -> u32 {
+    let step = match args.supersample {
+        1 if n_subpixels >= LARGE => 2,
+        n => n,
+    };
+    let are_enough = n_subpixels / (step * step) as usize >= FEWEST_PIXELS;
+    if are_enough && camera.is_pinhole() { step } else { 1 }
 }
 
-/// The first subpixel of each pixel, if the cache is to work on these alone.
+/// The subpixels that the cache is to work on, if these aren't all.
 pub(super) fn coarse<'a>(args: &Args, frame: &Frame<'a>) -> Option<Frame<'a>> {
-    let camera = &frame.shader().scene.camera;
-    let are_told = are_told(args, frame.size().n_pixels(), camera);
-    are_told.then(|| frame.thinned(args.supersample))
+    let step = step(args, frame.size().n_pixels(), &frame.shader().scene.camera);
+    (step > 1).then(|| frame.thinned(step))
 }
 
 /// Finds the light at all pixels of a frame, `coarse` being that of some of them.
@@ -186,11 +205,18 @@ pub(super) fn render(
     let frame = account.frame;
     let (size, shader) = (frame.size(), frame.shader());
     let Coarse { view, primary, finished, strictness, .. } = coarse;
-    let cells = Cells { size: view.size(), n: coarse.frame.step() / frame.step() };
-    let by_pixel = specular.by_pixel(view.size().n_pixels());
+    let cells = Cells::new(frame, coarse.frame);
+    // Whole pixels show the highlights that branches bring which carry little.
+    let are_pixels = view.apart() > 1;
+    let by_pixel = specular.by_pixel(view.size().n_pixels(), !are_pixels);
     // Fresh memory is black: the sweep is the first to touch it.
     let mut values = Components::from_fn(|_| bytemuck::zeroed_vec(size.n_pixels()));
-    let tolerance = strictness.tolerance(Component::Direct);
+    let tolerance = match (strictness.tolerance(Component::Direct), are_pixels) {
+        (Tolerance { error, edge }, true) => {
+            Tolerance { error: NARROWER * error, edge: NARROWER * edge }
+        }
+        (tolerance, false) => tolerance,
+    };
     let emitters = shader.scene.lights.iter().filter_map(Light::enclosing_sphere).collect();
     let by_pixel = &by_pixel;
     let places = (0..cells.n).flat_map(|y| (0..cells.n).map(move |x| Pixel { x, y }));
@@ -200,8 +226,8 @@ pub(super) fn render(
     let rest = account.watched(n_rows, |watch| sweep.all(&mut values, watch))?;
     let Rest { alone, lights, caustic, chains } = rest;
     let (reasons, levels) = history;
-    let mut reasons = Components::from_fn(|component| spread(&reasons[component], cells));
-    let mut levels = Components::from_fn(|component| spread(&levels[component], cells));
+    let mut reasons = Components::from_fn(|component| spread(&reasons[component], cells, size));
+    let mut levels = Components::from_fn(|component| spread(&levels[component], cells, size));
 
     // What the lights are predicted to do where not all around a subpixel is its surface, and that is black or white, is asked by
     // one ray.
@@ -251,7 +277,8 @@ pub(super) fn render(
     }
 
     let Tolerance { error, edge } = strictness.tolerance(Component::Specular);
-    let tolerance = Tolerance { error: WIDER * error, edge: WIDER * edge };
+    let times = if are_pixels { 1.0 } else { WIDER };
+    let tolerance = Tolerance { error: times * error, edge: times * edge };
     let followed =
         specular.between(by_pixel, &chains, cells, view, finished, tolerance, account)?;
     let first = |&Pixel { x, y }: &Pixel| Pixel { x: x * cells.n, y: y * cells.n };
@@ -279,11 +306,11 @@ pub(super) fn render(
 }
 
 /// Values for all subpixels: those of the coarse pixels, and nothing between.
-fn spread<T: Copy + Default + Send + Sync>(of: &[T], cells: Cells) -> Vec<T> {
-    let Cells { size: ImageSize { width, height }, n } = cells;
-    let (width, n) = (width as usize, n as usize);
-    let mut all = vec![T::default(); width * height as usize * n * n];
-    let rows = all.par_chunks_mut(width * n * n).zip(of.par_chunks(width));
+fn spread<T: Copy + Default + Send + Sync>(of: &[T], cells: Cells, size: ImageSize) -> Vec<T> {
+    let n = cells.n as usize;
+    let mut all = vec![T::default(); size.n_pixels()];
+    let rows =
+        all.par_chunks_mut(size.width as usize * n).zip(of.par_chunks(cells.size.width as usize));
     rows.for_each(|(all, of)| all.iter_mut().step_by(n).zip(of).for_each(|(to, &from)| *to = from));
     all
 }
@@ -336,8 +363,7 @@ type Rows<'x> = Components<&'x mut [Rgb]>;
 impl Sweep<'_, '_> {
     /// Finds what can be found without computing anything, and says what is left. Nothing if somebody has asked for a stop.
     fn all(&self, values: &mut Components<Vec<Rgb>>, watch: Watch<'_>) -> Option<Rest> {
-        let Cells { size, n } = self.cells;
-        let stride = size.width as usize * (n * n) as usize;
+        let stride = (self.frame.size().width * self.cells.n) as usize;
         let Components { direct, indirect, specular, caustic } = values;
         let rows = (
             direct.par_chunks_mut(stride),
@@ -357,20 +383,22 @@ impl Sweep<'_, '_> {
 
     /// The subpixels of a row of coarse pixels.
     fn row(&self, y: u32, values: &mut Rows<'_>) -> Rest {
-        let Cells { size: ImageSize { width, .. }, n } = self.cells;
+        let n = self.cells.n;
         let frame = self.frame;
+        let ImageSize { width, height } = frame.size();
         let scene = frame.shader().scene;
         let mut rest = Rest::default();
-        for x in 0..width {
+        for x in 0..self.cells.size.width {
             let cell = self.cells.corners(Pixel { x, y });
             let even = self.even(Pixel { x, y }, &cell);
             // Most are so: the same triangle, of one color, everywhere.
             let plain = even.as_ref().and_then(|_| self.plain(cell[0]));
             let mut agreeing = None;
-            for (dy, dx) in (0..n).flat_map(|dy| (0..n).map(move |dx| (dy, dx))) {
+            // At the border of the picture a cell may have fewer.
+            let (n_right, n_down) = (n.min(width - x * n), n.min(height - y * n));
+            for (dy, dx) in (0..n_down).flat_map(|dy| (0..n_right).map(move |dx| (dy, dx))) {
                 let pixel = Pixel { x: x * n + dx, y: y * n + dy };
-                let (index, at) =
-                    (frame.size().index(pixel), (dy * width * n + x * n + dx) as usize);
+                let (index, at) = (frame.size().index(pixel), (dy * width + x * n + dx) as usize);
                 let weights = self.weights[(dy * n + dx) as usize];
                 if let (Some(even), Some((primitive, albedo))) = (&even, plain)
                     && frame.primitive(index) == primitive
@@ -513,7 +541,7 @@ impl Sweep<'_, '_> {
         let agree = agreeing.iter().zip(weights).all(|(&agrees, weight)| agrees || weight == 0.0);
         match agree && corners.is_whole && span <= limit {
             true => Ok(radiance),
-            false => Err(Some(corners.blend(|i| self.by_pixel.faint(i)))),
+            false => Err(self.by_pixel.faint_between(&corners)),
         }
     }
 }

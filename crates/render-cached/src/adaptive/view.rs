@@ -23,10 +23,12 @@ pub(crate) struct View {
     /// The picture that its pixels are from, and how far apart they are in it.
     whole: ImageSize,
     step: u32,
+    supersample: u32,
 }
 
 impl View {
-    pub(crate) fn new(frame: &Frame<'_>) -> Self {
+    /// Of a frame of a picture with so many subpixels a pixel, each way.
+    pub(crate) fn new(frame: &Frame<'_>, supersample: u32) -> Self {
         let size = frame.size();
         let scene = frame.shader().scene;
         let (mut sites, mut albedo) = (Vec::new(), Vec::new());
@@ -44,11 +46,16 @@ impl View {
         let sites = Grid::from_values(size, sites);
         let lattice = Lattice::new(&sites, COARSEST);
         let (whole, step) = (frame.window().whole, frame.step());
-        Self { size, sites, lattice, albedo, camera: scene.camera, whole, step }
+        Self { size, sites, lattice, albedo, camera: scene.camera, whole, step, supersample }
     }
 
     pub(crate) fn size(&self) -> ImageSize {
         self.size
+    }
+
+    /// How far apart its pixels are in the picture, in whole pixels: 1 for subpixels, too.
+    pub(crate) fn apart(&self) -> u32 {
+        (self.step / self.supersample).max(1)
     }
 
     pub(crate) fn albedo(&self, index: usize) -> Rgb {
