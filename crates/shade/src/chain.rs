@@ -45,6 +45,8 @@ pub struct ChainLeaf<'a> {
     pub is_glossy: bool,
     /// Whether so little comes this way that it is part of what [`Shader::chain`] calls faint.
     pub is_faint: bool,
+    /// Whether the surface that the eye sees transmits it, instead of reflecting it.
+    pub is_transmitted: bool,
 }
 
 /// Radiance towards the eye that surfaces emit along chains or that comes from beyond the scene.
@@ -52,15 +54,25 @@ pub struct ChainLeaf<'a> {
 pub struct ChainEmission {
     /// All of it.
     pub all: Rgb,
-    /// The part of it that comes by branches that carry little.
-    pub faint: Rgb,
+    /// The parts of it that come by branches that carry little: by what the surface that the eye sees reflects, and by what it
+    /// transmits.
+    pub faint: [Rgb; 2],
+    /// The same of the other branches.
+    pub bright: [Rgb; 2],
 }
 
-/// Which branches are followed, and what is asked of them.
-#[derive(Clone, Copy)]
-struct Follow {
-    is_lit: bool,
-    with_faint: bool,
+/// Some of the branches that leave the surface that the eye sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Branches {
+    /// Whether with those that carry little.
+    pub faint: bool,
+    /// Whether with what it reflects, and with what it transmits.
+    pub ways: [bool; 2],
+}
+
+impl Branches {
+    /// All.
+    pub const ALL: Self = Self { faint: true, ways: [true; 2] };
 }
 
 /// A ray yet to be followed.
@@ -79,6 +91,7 @@ pub(crate) struct Origin<'a> {
     pub(crate) stream: PixelStream,
     pub(crate) is_glossy: bool,
     pub(crate) is_faint: bool,
+    pub(crate) is_transmitted: bool,
     pub(crate) length: u32,
     pub(crate) path: u64,
 }
@@ -88,7 +101,7 @@ pub(crate) struct Chains<'a> {
     pub(crate) rng: Rng,
     /// Whether anyone asks for the light of emitters.
     pub(crate) is_lit: bool,
-    with_faint: bool,
+    followed: Branches,
     branches: Vec<Branch<'a>>,
 }
 
@@ -103,7 +116,10 @@ impl<'a> Chains<'a> {
     ) {
         let mut weight = from.weight * bounce.weight;
         let is_faint = from.is_faint || !from.is_glossy && weight.max_channel() < FAINT;
-        if is_faint && !self.with_faint {
+        let is_transmitted =
+            if from.length == 0 { bounce.transmitted } else { from.is_transmitted };
+        let Branches { faint, ways } = self.followed;
+        if is_faint && !faint || !ways[usize::from(is_transmitted)] {
             return;
         }
         if from.is_glossy && from.length >= CERTAIN_LENGTH {
@@ -119,6 +135,7 @@ impl<'a> Chains<'a> {
             weight,
             medium: at.medium_beyond(bounce.transmitted, from.medium),
             is_faint,
+            is_transmitted,
             length: from.length + 1,
             path: hash_u64(from.path, u64::from(bounce.transmitted)),
             ..*from
@@ -136,28 +153,24 @@ impl<'a> Shader<'a> {
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
-        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> ChainEmission {
-        self.follow(at, stream, Follow { is_lit: true, with_faint: true }, work, |leaf, work| {
-            arrive(leaf, work);
-            ControlFlow::Continue(())
-        })
+        self.chain_by(Branches::ALL, at, stream, work, arrive)
     }
 
-    /// The same without the branches that carry little, and those that follow them.
-    pub fn bright_chain(
+    /// The same by some branches alone, and those that follow them.
+    pub fn chain_by(
         &self,
+        branches: Branches,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
-    ) -> Rgb {
-        let follow = Follow { is_lit: true, with_faint: false };
-        let emission = self.follow(at, stream, follow, work, |leaf, work| {
+    ) -> ChainEmission {
+        self.follow(at, stream, (branches, true), work, |leaf, work| {
             arrive(leaf, work);
             ControlFlow::Continue(())
-        });
-        emission.all
+        })
     }
 
     /// Calls `arrive` for the same surfaces as [`Shader::chain`] until it has seen enough, but asks no light.
@@ -168,24 +181,33 @@ impl<'a> Shader<'a> {
         work: &mut Work,
         arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) {
-        self.follow(at, stream, Follow { is_lit: false, with_faint: true }, work, arrive);
+        self.follow(at, stream, (Branches::ALL, false), work, arrive);
     }
 
+    /// Follows branches; `is_lit` if anyone asks for the light of emitters.
     fn follow(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
-        Follow { is_lit, with_faint }: Follow,
+        (followed, is_lit): (Branches, bool),
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) -> ChainEmission {
         let rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
-        let mut chains = Chains { rng, is_lit, with_faint, branches: Vec::new() };
+        let mut chains = Chains { rng, is_lit, followed, branches: Vec::new() };
         let mut n_leaves = 0;
-        let (weight, medium, is_glossy, is_faint) = (Rgb::ONE, None, false, false);
-        let eye = Origin { weight, medium, stream, is_glossy, is_faint, length: 0, path: 0 };
-        let all = self.scatter(at, eye, &mut chains, work);
-        let mut emission = ChainEmission { all, faint: Rgb::BLACK };
+        let eye = Origin {
+            weight: Rgb::ONE,
+            medium: None,
+            stream,
+            is_glossy: false,
+            is_faint: false,
+            is_transmitted: false,
+            length: 0,
+            path: 0,
+        };
+        let mut emission = ChainEmission::default();
+        emission.add(self.scatter(at, eye, &mut chains, work), &eye);
         while let Some(Branch { ray, mut from, chosen }) = chains.branches.pop() {
             work.counts.specular_rays += 1;
             n_leaves += 1;
@@ -195,7 +217,7 @@ impl<'a> Shader<'a> {
                     None => self.background(ray.dir()),
                     Some(chosen) => self.background_by_lobe(&chosen, ray.dir()),
                 };
-                emission.add(background * from.weight, from.is_faint);
+                emission.add(background * from.weight, &from);
                 continue;
             };
             let inside = is_inside(&point.surface, &point);
@@ -210,20 +232,28 @@ impl<'a> Shader<'a> {
             let radiance = point.emitted;
             if !radiance.is_black() {
                 let share = chosen.map_or(1.0, |c| self.share_of_lobe(&c, &point, distance));
-                emission.add(radiance * from.weight * share, from.is_faint);
+                emission.add(radiance * from.weight * share, &from);
             }
             if point.material.is_diffuse() {
                 let size = (from.weight * point.albedo).max_channel();
                 if let Some(weight) = keep(from.weight, size, SHADE_ALWAYS, &mut chains.rng) {
-                    let Origin { stream, path, is_glossy, is_faint, .. } = from;
-                    let leaf = ChainLeaf { point, weight, stream, path, is_glossy, is_faint };
+                    let Origin { stream, path, is_glossy, is_faint, is_transmitted, .. } = from;
+                    let leaf = ChainLeaf {
+                        point,
+                        weight,
+                        stream,
+                        path,
+                        is_glossy,
+                        is_faint,
+                        is_transmitted,
+                    };
                     if arrive(leaf, work).is_break() {
                         break;
                     }
                 }
             }
             if from.length < MAX_LENGTH {
-                emission.add(self.scatter(&point, from, &mut chains, work), from.is_faint);
+                emission.add(self.scatter(&point, from, &mut chains, work), &from);
             } else if point.material.is_specular() {
                 work.counts.chains_cut += 1;
             }
@@ -250,11 +280,10 @@ impl<'a> Shader<'a> {
 
 impl ChainEmission {
     #[inline]
-    fn add(&mut self, radiance: Rgb, is_faint: bool) {
+    fn add(&mut self, radiance: Rgb, from: &Origin<'_>) {
         self.all += radiance;
-        if is_faint {
-            self.faint += radiance;
-        }
+        let parts = if from.is_faint { &mut self.faint } else { &mut self.bright };
+        parts[usize::from(from.is_transmitted)] += radiance;
     }
 }
 
