@@ -45,8 +45,6 @@ pub struct ChainLeaf<'a> {
     pub is_glossy: bool,
     /// Whether so little comes this way that it is part of what [`Shader::chain`] calls faint.
     pub is_faint: bool,
-    /// Whether the surface that the eye sees transmits it, instead of reflecting it.
-    pub is_transmitted: bool,
 }
 
 /// Radiance towards the eye that surfaces emit along chains or that comes from beyond the scene.
@@ -54,25 +52,15 @@ pub struct ChainLeaf<'a> {
 pub struct ChainEmission {
     /// All of it.
     pub all: Rgb,
-    /// The parts of it that come by branches that carry little: by what the surface that the eye sees reflects, and by what it
-    /// transmits.
-    pub faint: [Rgb; 2],
-    /// The same of the other branches.
-    pub bright: [Rgb; 2],
+    /// The part of it that comes by branches that carry little.
+    pub faint: Rgb,
 }
 
-/// Some of the branches that leave the surface that the eye sees.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Branches {
-    /// Whether with those that carry little.
-    pub faint: bool,
-    /// Whether with what it reflects, and with what it transmits.
-    pub ways: [bool; 2],
-}
-
-impl Branches {
-    /// All.
-    pub const ALL: Self = Self { faint: true, ways: [true; 2] };
+/// Which branches are followed, and what is asked of them.
+#[derive(Clone, Copy)]
+struct Follow {
+    is_lit: bool,
+    with_faint: bool,
 }
 
 /// A ray yet to be followed.
@@ -91,7 +79,6 @@ pub(crate) struct Origin<'a> {
     pub(crate) stream: PixelStream,
     pub(crate) is_glossy: bool,
     pub(crate) is_faint: bool,
-    pub(crate) is_transmitted: bool,
     pub(crate) length: u32,
     pub(crate) path: u64,
 }
@@ -101,7 +88,7 @@ pub(crate) struct Chains<'a> {
     pub(crate) rng: Rng,
     /// Whether anyone asks for the light of emitters.
     pub(crate) is_lit: bool,
-    followed: Branches,
+    with_faint: bool,
     branches: Vec<Branch<'a>>,
 }
 
@@ -116,10 +103,7 @@ impl<'a> Chains<'a> {
     ) {
         let mut weight = from.weight * bounce.weight;
         let is_faint = from.is_faint || !from.is_glossy && weight.max_channel() < FAINT;
-        let is_transmitted =
-            if from.length == 0 { bounce.transmitted } else { from.is_transmitted };
-        let Branches { faint, ways } = self.followed;
-        if is_faint && !faint || !ways[usize::from(is_transmitted)] {
+        if is_faint && !self.with_faint {
             return;
         }
         if from.is_glossy && from.length >= CERTAIN_LENGTH {
@@ -135,7 +119,6 @@ impl<'a> Chains<'a> {
             weight,
             medium: at.medium_beyond(bounce.transmitted, from.medium),
             is_faint,
-            is_transmitted,
             length: from.length + 1,
             path: hash_u64(from.path, u64::from(bounce.transmitted)),
             ..*from
@@ -153,24 +136,28 @@ impl<'a> Shader<'a> {
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
-        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> ChainEmission {
-        self.chain_by(Branches::ALL, at, stream, work, arrive)
+        self.follow(at, stream, Follow { is_lit: true, with_faint: true }, work, |leaf, work| {
+            arrive(leaf, work);
+            ControlFlow::Continue(())
+        })
     }
 
-    /// The same by some branches alone, and those that follow them.
-    pub fn chain_by(
+    /// The same without the branches that carry little, and those that follow them.
+    pub fn bright_chain(
         &self,
-        branches: Branches,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
-    ) -> ChainEmission {
-        self.follow(at, stream, (branches, true), work, |leaf, work| {
+    ) -> Rgb {
+        let follow = Follow { is_lit: true, with_faint: false };
+        let emission = self.follow(at, stream, follow, work, |leaf, work| {
             arrive(leaf, work);
             ControlFlow::Continue(())
-        })
+        });
+        emission.all
     }
 
     /// Calls `arrive` for the same surfaces as [`Shader::chain`] until it has seen enough, but asks no light.
@@ -181,33 +168,24 @@ impl<'a> Shader<'a> {
         work: &mut Work,
         arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) {
-        self.follow(at, stream, (Branches::ALL, false), work, arrive);
+        self.follow(at, stream, Follow { is_lit: false, with_faint: true }, work, arrive);
     }
 
-    /// Follows branches; `is_lit` if anyone asks for the light of emitters.
     fn follow(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
-        (followed, is_lit): (Branches, bool),
+        Follow { is_lit, with_faint }: Follow,
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) -> ChainEmission {
         let rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
-        let mut chains = Chains { rng, is_lit, followed, branches: Vec::new() };
+        let mut chains = Chains { rng, is_lit, with_faint, branches: Vec::new() };
         let mut n_leaves = 0;
-        let eye = Origin {
-            weight: Rgb::ONE,
-            medium: None,
-            stream,
-            is_glossy: false,
-            is_faint: false,
-            is_transmitted: false,
-            length: 0,
-            path: 0,
-        };
-        let mut emission = ChainEmission::default();
-        emission.add(self.scatter(at, eye, &mut chains, work), &eye);
+        let (weight, medium, is_glossy, is_faint) = (Rgb::ONE, None, false, false);
+        let eye = Origin { weight, medium, stream, is_glossy, is_faint, length: 0, path: 0 };
+        let all = self.scatter(at, eye, &mut chains, work);
+        let mut emission = ChainEmission { all, faint: Rgb::BLACK };
         while let Some(Branch { ray, mut from, chosen }) = chains.branches.pop() {
             work.counts.specular_rays += 1;
             n_leaves += 1;
@@ -217,7 +195,7 @@ impl<'a> Shader<'a> {
                     None => self.background(ray.dir()),
                     Some(chosen) => self.background_by_lobe(&chosen, ray.dir()),
                 };
-                emission.add(background * from.weight, &from);
+                emission.add(background * from.weight, from.is_faint);
                 continue;
             };
             let inside = is_inside(&point.surface, &point);
@@ -232,28 +210,20 @@ impl<'a> Shader<'a> {
             let radiance = point.emitted;
             if !radiance.is_black() {
                 let share = chosen.map_or(1.0, |c| self.share_of_lobe(&c, &point, distance));
-                emission.add(radiance * from.weight * share, &from);
+                emission.add(radiance * from.weight * share, from.is_faint);
             }
             if point.material.is_diffuse() {
                 let size = (from.weight * point.albedo).max_channel();
                 if let Some(weight) = keep(from.weight, size, SHADE_ALWAYS, &mut chains.rng) {
-                    let Origin { stream, path, is_glossy, is_faint, is_transmitted, .. } = from;
-                    let leaf = ChainLeaf {
-                        point,
-                        weight,
-                        stream,
-                        path,
-                        is_glossy,
-                        is_faint,
-                        is_transmitted,
-                    };
+                    let Origin { stream, path, is_glossy, is_faint, .. } = from;
+                    let leaf = ChainLeaf { point, weight, stream, path, is_glossy, is_faint };
                     if arrive(leaf, work).is_break() {
                         break;
                     }
                 }
             }
             if from.length < MAX_LENGTH {
-                emission.add(self.scatter(&point, from, &mut chains, work), &from);
+                emission.add(self.scatter(&point, from, &mut chains, work), from.is_faint);
             } else if point.material.is_specular() {
                 work.counts.chains_cut += 1;
             }
@@ -280,10 +250,11 @@ impl<'a> Shader<'a> {
 
 impl ChainEmission {
     #[inline]
-    fn add(&mut self, radiance: Rgb, from: &Origin<'_>) {
+    fn add(&mut self, radiance: Rgb, is_faint: bool) {
         self.all += radiance;
-        let parts = if from.is_faint { &mut self.faint } else { &mut self.bright };
-        parts[usize::from(from.is_transmitted)] += radiance;
+        if is_faint {
+            self.faint += radiance;
+        }
     }
 }
 

@@ -18,7 +18,7 @@ mod specular;
 mod spots;
 mod work;
 
-pub use chain::{Branches, ChainEmission, ChainLeaf};
+pub use chain::{ChainEmission, ChainLeaf};
 pub use irradiance_points::{GatherPhotons, GatherPlace, IrradianceAhead};
 pub use point::{PixelStream, ShadingPoint};
 pub use shader::{Settings, Shader};

@@ -18,7 +18,7 @@ use geometry::Surface;
 use glam::Vec2;
 use rayon::prelude::*;
 use scene::Material;
-use shade::{Branches, ChainEmission, ChainLeaf, Work};
+use shade::{ChainEmission, ChainLeaf, Work};
 
 use super::around::{Around, Known};
 use super::caustic::Caustic;
@@ -28,7 +28,7 @@ use super::records::{CLOSE, Place, Saved, Source};
 use super::{Account, View};
 use crate::frame::Frame;
 
-pub(super) use between::{ByPixel, Open};
+pub(super) use between::ByPixel;
 
 /// The widest spacing in the picture of a path.
 const COARSEST: u32 = 8;
@@ -49,8 +49,6 @@ struct Leaf {
     path: u64,
     pixel: u32,
     is_faint: bool,
-    /// Whether the surface that the eye sees transmits what comes from it.
-    is_transmitted: bool,
     /// What is left on the way to the eye, times albedo over pi.
     weight: Rgb,
     site: SurfacePoint,
@@ -125,7 +123,7 @@ impl Leaves {
         let materials = &frame.shader().scene.materials;
         let is_sharp = |s: &Surface| begins_sharply(&materials[s.material.0 as usize]);
         let pixels: Vec<Pixel> = frame.pixels_that_show(is_sharp).collect();
-        let chains = follow(frame, &pixels, |&pixel| (pixel, Branches::ALL), account)?;
+        let chains = follow(frame, &pixels, |&pixel| (pixel, true), account)?;
         let mut emitted = Grid::from_fn(frame.size(), |_| Rgb::BLACK);
         let (mut emissions, mut glossy) = (Vec::new(), Vec::new());
         for &(pixel, emission, is_glossy) in chains.iter().flat_map(|c| &c.0) {
@@ -274,11 +272,11 @@ pub(super) fn begins_sharply(material: &Material) -> bool {
 /// Some pixels with what surfaces emit along their chains and whether these have glossy ends, and the other ends.
 type Chains = (Vec<(Pixel, ChainEmission, bool)>, Vec<Leaf>);
 
-/// Follows the chains of some pixels, in groups: `of` tells the pixel and which of its branches.
+/// Follows the chains of some pixels, in groups: `of` tells the pixel, and whether with the branches that carry little.
 fn follow<T: Sync>(
     frame: &Frame<'_>,
     items: &[T],
-    of: impl Fn(&T) -> (Pixel, Branches) + Sync,
+    of: impl Fn(&T) -> (Pixel, bool) + Sync,
     account: &mut Account<'_, '_>,
 ) -> Result<Vec<Chains>, Interrupted> {
     let (size, shader) = (frame.size(), frame.shader());
@@ -286,19 +284,23 @@ fn follow<T: Sync>(
     let groups: Vec<&[T]> = items.chunks(TOGETHER).collect();
     account.fleeting(Component::Specular, &groups, |group, work| {
         let (mut shown, mut leaves) = (Vec::with_capacity(group.len()), Vec::new());
-        for (pixel, branches) in group.iter().map(&of) {
+        for (pixel, with_faint) in group.iter().map(&of) {
             let mut is_glossy = false;
             let mut arrive = |leaf: ChainLeaf<'_>| {
                 is_glossy |= leaf.is_glossy;
                 if !leaf.is_glossy {
-                    let ChainLeaf { path, is_faint, is_transmitted, .. } = leaf;
+                    let ChainLeaf { path, is_faint, .. } = leaf;
                     let weight = leaf.weight * leaf.point.albedo * FRAC_1_PI;
                     let (pixel, site) = (size.index(pixel) as u32, site_of(&leaf.point.facing));
-                    leaves.push(Leaf { path, pixel, is_faint, is_transmitted, weight, site });
+                    leaves.push(Leaf { path, pixel, is_faint, weight, site });
                 }
             };
-            let emission = frame.at(pixel, work, |point, stream, work| {
-                shader.chain_by(branches, point, stream, work, |leaf, _| arrive(leaf))
+            let emission = frame.at(pixel, work, |point, stream, work| match with_faint {
+                true => shader.chain(point, stream, work, |leaf, _| arrive(leaf)),
+                false => {
+                    let all = shader.bright_chain(point, stream, work, |leaf, _| arrive(leaf));
+                    ChainEmission { all, faint: Rgb::BLACK }
+                }
             });
             shown.push((pixel, emission, is_glossy));
         }

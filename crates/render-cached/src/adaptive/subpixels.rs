@@ -13,11 +13,10 @@ use geometry::Surface;
 use glam::Vec3A;
 use rayon::prelude::*;
 use scene::{Camera, Light};
-use shade::Branches;
 
 use super::direct::Lack;
 use super::glossy::Glossy;
-use super::leaves::{ByPixel, Finished, Leaves, Open, begins_sharply, site_of};
+use super::leaves::{ByPixel, Finished, Leaves, begins_sharply, site_of};
 use super::primary::Primary;
 use super::strictness::Strictness;
 use super::view::as_seen;
@@ -164,7 +163,8 @@ struct Rest {
     /// Caustics differ too much.
     caustic: Vec<Pixel>,
     /// Chains differ.
-    chains: Vec<(Pixel, Open)>,
+    /// Of most it is known what comes by branches that carry little.
+    chains: Vec<(Pixel, Option<Rgb>)>,
 }
 
 impl Rest {
@@ -432,7 +432,7 @@ impl Sweep<'_, '_> {
                     };
                     match known {
                         Ok(radiance) => values.specular[at] = radiance,
-                        Err(open) => rest.chains.push((pixel, open)),
+                        Err(faint) => rest.chains.push((pixel, faint)),
                     }
                 }
             }
@@ -508,22 +508,23 @@ impl Sweep<'_, '_> {
         [direct, indirect, caustic]
     }
 
-    /// Whether the corners of a cell show the same as the first by what their surfaces reflect, and by what they transmit.
-    fn agreeing(&self, cell: &[usize; 4]) -> [[bool; 2]; 4] {
+    /// The corners of a cell that show the same as the first by mirrors and glass.
+    fn agreeing(&self, cell: &[usize; 4]) -> [bool; 4] {
         let tolerance = self.tolerance.error;
         cell.map(|corner| {
             self.specular.agree(self.by_pixel, &self.emitters, tolerance, cell[0], corner)
         })
     }
 
-    /// What a surface that begins chains shows, if all corners that count are `agreeing`; if not, what is known of it.
+    /// What a surface that begins chains shows, if all corners that count are `agreeing`; if not, what of it comes by branches
+    /// that carry little, where the surface is seen around, too.
     fn specular(
         &self,
         surface: &Surface,
         cell: &[usize; 4],
         weights: [f32; 4],
-        agreeing: &[[bool; 2]; 4],
-    ) -> Result<Rgb, Open> {
+        agreeing: &[bool; 4],
+    ) -> Result<Rgb, Option<Rgb>> {
         let site = site_of(surface);
         let is_shown = |i: usize| {
             let other = self.coarse.frame.surface(i);
@@ -533,30 +534,14 @@ impl Sweep<'_, '_> {
                     other.material == surface.material && same_surface(&site_of(&other), &site)
                 })
         };
-        let mut open = Open { known: Rgb::BLACK, branches: Branches::ALL };
-        let Some(corners) = Corners::new(cell, weights, is_shown) else { return Err(open) };
+        let Some(corners) = Corners::new(cell, weights, is_shown) else { return Err(None) };
         let radiance = corners.blend(|i| self.specular.radiance(i));
+        let span = corners.span(|i| self.specular.radiance(i));
         let limit = self.tolerance.edge * (self.coarse.finished.floor + radiance.luminance());
-        let agree = [0, 1].map(|way| {
-            let mut all = agreeing.iter().zip(weights);
-            corners.is_whole && all.all(|(agrees, weight)| agrees[way] || weight == 0.0)
-        });
-        if agree == [true; 2] && corners.span(|i| self.specular.radiance(i)) <= limit {
-            return Ok(radiance);
+        let agree = agreeing.iter().zip(weights).all(|(&agrees, weight)| agrees || weight == 0.0);
+        match agree && corners.is_whole && span <= limit {
+            true => Ok(radiance),
+            false => Err(self.by_pixel.faint_between(&corners)),
         }
-        if let Some(faint) = self.by_pixel.faint_between(&corners) {
-            (open.known, open.branches.faint) = (faint, false);
-        }
-        // Of two that agree and together differ too much, both are followed.
-        if agree != [true; 2]
-            && let Some(way) = agree.iter().position(|&agrees| agrees)
-        {
-            let of = |i: usize| self.specular.radiance_by(self.by_pixel, i, way);
-            if corners.span(of) <= limit {
-                open.known += corners.blend(of);
-                open.branches.ways[way] = false;
-            }
-        }
-        Err(open)
     }
 }

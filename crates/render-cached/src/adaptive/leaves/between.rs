@@ -3,7 +3,7 @@
 use base::{Interrupted, Pixel, Rgb};
 use cache_map::{Reason, Records, Rule, Tolerance, same_surface};
 use glam::Vec3A;
-use shade::Branches;
+use shade::ChainEmission;
 
 use super::{Ends, Finished, Leaf, LeafRule, Leaves, follow, look_up};
 use crate::adaptive::records::Saved;
@@ -17,8 +17,8 @@ pub(crate) struct ByPixel {
     leaves: Vec<u32>,
     /// Radiance by branches that carry little.
     faint: Vec<Rgb>,
-    /// Whether the other branches show what emits, those of what a pixel's surface reflects and those of what it transmits.
-    is_lit: Vec<[bool; 2]>,
+    /// Whether the other branches show what emits.
+    is_lit: Vec<bool>,
     /// Whether a pixel has glossy ends, too; empty if none has.
     is_glossy: Vec<bool>,
     /// Whether what comes by branches that carry little is smooth enough to be blended, whatever it is.
@@ -38,15 +38,6 @@ impl ByPixel {
     pub(crate) fn has_glossy(&self, pixel: usize) -> bool {
         self.is_glossy.get(pixel) == Some(&true)
     }
-}
-
-/// Chains of a pixel of which not all is known.
-#[derive(Clone, Copy)]
-pub(crate) struct Open {
-    /// Radiance by the branches that needn't be followed.
-    pub(crate) known: Rgb,
-    /// The others.
-    pub(crate) branches: Branches,
 }
 
 /// What a pixel shows whose chains were followed.
@@ -88,14 +79,10 @@ impl Leaves {
             let size = self.emitted.size();
             self.glossy.iter().for_each(|&pixel| is_glossy[size.index(pixel)] = true);
         }
-        let (mut faint, mut is_lit) = (vec![Rgb::BLACK; n_pixels], vec![[false; 2]; n_pixels]);
-        for (pixel, emission) in &self.emissions {
-            let i = self.emitted.size().index(*pixel);
-            faint[i] = emission.faint[0] + emission.faint[1];
-            is_lit[i] = [0, 1].map(|way| {
-                let with_faint = !blends_faint && !emission.faint[way].is_black();
-                with_faint || !emission.bright[way].is_black()
-            });
+        let (mut faint, mut is_lit) = (vec![Rgb::BLACK; n_pixels], vec![false; n_pixels]);
+        for &(pixel, ChainEmission { all, faint: part }) in &self.emissions {
+            let i = self.emitted.size().index(pixel);
+            (faint[i], is_lit[i]) = (part, all != if blends_faint { part } else { Rgb::BLACK });
         }
         for (leaf, &irradiance) in self.leaves.iter().zip(&self.irradiance) {
             if leaf.is_faint {
@@ -106,8 +93,8 @@ impl Leaves {
     }
 
     /// Whether the chains of two pixels go the same ways to the same surfaces and bring the same from there, to this part of what
-    /// the pixels show, with no emitter on them or between; but for those that bring little. For those of what their surface
-    /// reflects, and for those of what it transmits. Emitters are given as spheres around them.
+    /// the pixels show, with no emitter on them or between; but for those that bring little. Emitters are given as spheres
+    /// around them.
     pub(crate) fn agree(
         &self,
         by_pixel: &ByPixel,
@@ -115,8 +102,10 @@ impl Leaves {
         tolerance: f32,
         a: usize,
         b: usize,
-    ) -> [bool; 2] {
-        let mut agree = [0, 1].map(|way| !by_pixel.is_lit[a][way] && !by_pixel.is_lit[b][way]);
+    ) -> bool {
+        if by_pixel.is_lit[a] || by_pixel.is_lit[b] {
+            return false;
+        }
         let most = tolerance * self.radiance[a].luminance();
         let reach = self.around.reach();
         let brought = |&i: &u32| {
@@ -124,57 +113,40 @@ impl Leaves {
             (leaf, (leaf.weight * self.irradiance[i as usize]).luminance())
         };
         let is_blended = |leaf: &Leaf| by_pixel.blends_faint && leaf.is_faint;
-        let is_little = |(leaf, radiance): (&Leaf, f32)| is_blended(leaf) || radiance <= most;
+        let is_little = |(leaf, radiance): &(&Leaf, f32)| is_blended(leaf) || *radiance <= most;
         let mut others = by_pixel.of(b).iter().map(brought).peekable();
-        let mut ones = by_pixel.of(a).iter().map(brought).peekable();
-        while agree != [false; 2] {
-            // Those of a path are compared, one without another counts as it is.
-            let (one, other) = match (ones.peek(), others.peek()) {
-                (None, None) => break,
-                (Some(one), Some(other)) if one.0.path == other.0.path => {
-                    (ones.next(), others.next())
+        for one in by_pixel.of(a).iter().map(brought) {
+            while let Some(other) = others.next_if(|other| other.0.path < one.0.path) {
+                if !is_little(&other) {
+                    return false;
                 }
-                (Some(one), Some(other)) if other.0.path < one.0.path => (None, others.next()),
-                (None, Some(_)) => (None, others.next()),
-                (Some(_), _) => (ones.next(), None),
+            }
+            let Some(other) = others.next_if(|other| other.0.path == one.0.path) else {
+                if is_little(&one) {
+                    continue;
+                }
+                return false;
             };
-            let (way, agrees) = match (one, other) {
-                (Some((leaf, radiance)), Some((other, other_radiance))) => {
-                    let (p, q) = (leaf.site.position.into(), other.site.position.into());
-                    let (between, apart) = (Vec3A::midpoint(p, q), Vec3A::distance(p, q));
-                    let is_near = |&(center, radius): &(Vec3A, f32)| {
-                        between.distance_squared(center) < (radius + apart) * (radius + apart)
-                    };
-                    let differs = !same_surface(&leaf.site, &other.site)
-                        && radiance.max(other_radiance) > most
-                        || apart > reach && (radiance - other_radiance).abs() > FAR_APART * most;
-                    let is_bright = !(is_blended(leaf) && is_blended(other));
-                    let is_lit = || is_bright && emitters.iter().any(is_near);
-                    (leaf.is_transmitted, !differs && !is_lit())
-                }
-                (Some(alone), None) | (None, Some(alone)) => {
-                    (alone.0.is_transmitted, is_little(alone))
-                }
-                (None, None) => break,
+            let ((leaf, radiance), (other, other_radiance)) = (one, other);
+            let (p, q) = (leaf.site.position.into(), other.site.position.into());
+            let (between, apart) = (Vec3A::midpoint(p, q), Vec3A::distance(p, q));
+            let is_near = |&(center, radius): &(Vec3A, f32)| {
+                between.distance_squared(center) < (radius + apart) * (radius + apart)
             };
-            agree[usize::from(way)] &= agrees;
+            let differs = !same_surface(&leaf.site, &other.site)
+                && radiance.max(other_radiance) > most
+                || apart > reach && (radiance - other_radiance).abs() > FAR_APART * most;
+            let is_bright = !(is_blended(leaf) && is_blended(other));
+            if differs || is_bright && emitters.iter().any(is_near) {
+                return false;
+            }
         }
-        agree
+        others.all(|other| is_little(&other))
     }
 
-    /// Radiance of a pixel whose chains show nothing that emits, by what its surface reflects or by what it transmits, without what
-    /// [`ByPixel::faint_between`] tells.
-    pub(crate) fn radiance_by(&self, by_pixel: &ByPixel, pixel: usize, way: usize) -> Rgb {
-        let leaves = by_pixel.of(pixel).iter().map(|&i| i as usize);
-        let counts = |leaf: &Leaf| {
-            usize::from(leaf.is_transmitted) == way && !(by_pixel.blends_faint && leaf.is_faint)
-        };
-        let counting = leaves.filter(|&i| counts(&self.leaves[i]));
-        counting.map(|i| self.leaves[i].weight * self.irradiance[i]).sum()
-    }
-
-    /// Follows the chains of subpixels between the pixels that these leaves are of, as far as they aren't known. What isn't in view
-    /// is told by the ends of the same path around, by all ends that were computed before, or computed.
+    /// Follows the chains of subpixels between the pixels that these leaves are of; what comes by branches that carry little is
+    /// known of most. What isn't in view is told by the ends of the
+    /// same path around, by all ends that were computed before, or computed.
     #[expect(
         clippy::too_many_arguments,
         reason = "where chains begin, and all that tells of their ends"
@@ -182,7 +154,7 @@ impl Leaves {
     pub(crate) fn between(
         &mut self,
         by_pixel: &ByPixel,
-        pixels: &[(Pixel, Open)],
+        pixels: &[(Pixel, Option<Rgb>)],
         cells: Cells,
         view: &View,
         finished: &Finished,
@@ -191,14 +163,14 @@ impl Leaves {
     ) -> Result<Vec<Followed>, Interrupted> {
         let frame = account.frame;
         let size = frame.size();
-        let chains = follow(frame, pixels, |&(pixel, open)| (pixel, open.branches), account)?;
+        let chains = follow(frame, pixels, |&(pixel, faint)| (pixel, faint.is_none()), account)?;
         let ends = || chains.iter().flat_map(|c| &c.1);
         let leaves: Vec<Leaf> = ends().copied().collect();
         let found = account.overhead(&leaves, |leaf, _| look_up(&leaf.site, view, finished))?;
         let mut known = vec![0.0; size.n_pixels()];
         let emissions = || chains.iter().flat_map(|c| &c.0).zip(pixels);
-        for ((pixel, emission, _), (_, open)) in emissions() {
-            known[size.index(*pixel)] = (emission.all + open.known).luminance();
+        for ((pixel, emission, _), (_, faint)) in emissions() {
+            known[size.index(*pixel)] = (emission.all + faint.unwrap_or_default()).luminance();
         }
         for (leaf, found) in leaves.iter().zip(&found) {
             known[leaf.pixel as usize] += found.map_or(0.0, |e| (leaf.weight * e).luminance());
@@ -242,9 +214,9 @@ impl Leaves {
             (irradiance[i], reasons[i]) = (value, reason.unwrap_or(Reason::NoNeighbours));
         }
         let mut all = leaves.iter().zip(irradiance).zip(reasons).peekable();
-        let followed = emissions().map(|(&(pixel, emission, is_glossy), (_, open))| {
+        let followed = emissions().map(|(&(pixel, emission, is_glossy), (_, faint))| {
             let pixel = size.index(pixel) as u32;
-            let radiance = emission.all + open.known;
+            let radiance = emission.all + faint.unwrap_or_default();
             let mut shown = Followed { radiance, reason: Reason::Interpolated, is_glossy };
             while let Some(((leaf, value), reason)) = all.next_if(|l| l.0.0.pixel == pixel) {
                 shown.radiance += leaf.weight * value;
