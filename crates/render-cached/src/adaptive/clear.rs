@@ -141,14 +141,16 @@ fn join(whole: &mut Patch, part: Patch) -> Option<()> {
     Some(())
 }
 
-/// Where shadow rays leave the diffuse surfaces that one of the smallest squares shows, if these are flat.
+/// Where shadow rays leave the diffuse surfaces that one of the smallest squares shows, if these are flat; with what lies between
+/// its pixels and those of the next ones, where others lie there.
 fn patch(corner: Pixel, view: &View, frame: &Frame<'_>) -> Option<Patch> {
     let size = view.size();
     let mut plane: Option<Plane> = None;
     let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
     let mut most_moved = 0.0_f32;
-    for y in corner.y..(corner.y + SMALLEST).min(size.height) {
-        for x in corner.x..(corner.x + SMALLEST).min(size.width) {
+    let side = SMALLEST + u32::from(view.apart() > 1);
+    for y in corner.y..(corner.y + side).min(size.height) {
+        for x in corner.x..(corner.x + side).min(size.width) {
             let i = size.index(Pixel { x, y });
             let (Some(site), Some(surface)) = (&view.sites.values()[i], frame.surface(i)) else {
                 continue;

@@ -57,6 +57,8 @@ struct CachedLight {
     source: Source<f32>,
     /// Where it is surely 1.
     clear: Clear,
+    /// Whether its shadows may be as thin as a pixel, so that all between those of the view are asked.
+    is_sharp: bool,
 }
 
 /// Lights that share a visibility: the part of their unshadowed irradiance that arrives, by channel.
@@ -92,7 +94,8 @@ impl Direct {
         for (&light, clear) in separate.iter().zip(Clear::find(&separate, view, account)?) {
             let unshadowed = unshadowed(&[light], view, indirect, error, account)?;
             let (visibility, source) = (Layer::new(n), saved.visibility(light));
-            lights.push(CachedLight { light, unshadowed, visibility, source, clear });
+            let is_sharp = scene.lights[light].is_delta() && view.apart() > 1;
+            lights.push(CachedLight { light, unshadowed, visibility, source, clear, is_sharp });
         }
         let others: Vec<usize> =
             (0..scene.lights.len()).filter(|l| !separate.contains(l)).collect();
@@ -144,12 +147,13 @@ impl Direct {
         self.luminance[index]
     }
 
-    /// Irradiance between pixels, given that of all else: without the parts (lights, and those that share a visibility) whose
+    /// Irradiance between the pixels of a cell that begins at `first`, given that of all else: without the parts (lights, and those that share a visibility) whose
     /// visibility differs too much between the corners, or is in doubt since other surfaces lie around. `lack` is told these.
     #[inline]
     pub(super) fn between(
         &self,
         corners: &Corners,
+        first: Pixel,
         others: f32,
         tolerance: Tolerance,
         lack: &mut impl FnMut(Lack),
@@ -177,8 +181,10 @@ impl Direct {
         {
             let span = corners.span(|i| light.visibility.values[i]);
             let is_sure = !(SURELY_DARK..=SURELY_LIT).contains(&visibility);
-            let is_doubtful = !corners.is_whole && is_sure && unshadowed > tolerance.error * all;
-            if unshadowed * span > tolerance.edge * all {
+            let matters = unshadowed > tolerance.error * all;
+            let is_doubtful = !corners.is_whole && is_sure && matters;
+            let is_asked = light.is_sharp && !(corners.is_whole && light.clear.holds(first));
+            if unshadowed * span > tolerance.edge * all || is_asked && matters {
                 lack(Lack { part, radiance, is_lit: false, is_doubtful: false });
                 sum = sum - radiance;
             } else if is_doubtful {
@@ -198,8 +204,11 @@ impl Direct {
 
     /// Whether no light's visibility makes irradiance differ by more between the corners of a cell.
     #[inline]
-    pub(super) fn is_even(&self, cell: &[usize; 4], most: f32) -> bool {
+    pub(super) fn is_even(&self, cell: &[usize; 4], first: Pixel, most: f32) -> bool {
         let is_even = |light: &CachedLight| {
+            if light.is_sharp && !light.clear.holds(first) {
+                return false;
+            }
             let values = cell.map(|i| light.visibility.values[i]);
             let differs =
                 |v: &f32| (v - values[0]).abs() * light.unshadowed[cell[0]].luminance() > most;
@@ -307,7 +316,8 @@ impl Direct {
         let mut known: Vec<f32> = pixels.map(|p| indirect.ambient(view, p)).collect();
         let frame = account.frame;
         let shader = frame.shader();
-        for CachedLight { light, unshadowed, visibility, source, clear } in &mut self.lights {
+        for cached in &mut self.lights {
+            let CachedLight { light, unshadowed, visibility, source, clear, .. } = cached;
             // A single ray tells all of a point's visibility: nothing is cheaper.
             let coarsest =
                 if shader.light(*light).is_delta() { 1 } else { COARSEST / view.apart() };

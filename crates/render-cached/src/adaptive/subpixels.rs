@@ -206,22 +206,29 @@ pub(super) fn render(
     let (size, shader) = (frame.size(), frame.shader());
     let Coarse { view, primary, finished, strictness, .. } = coarse;
     let cells = Cells::new(frame, coarse.frame);
-    // Whole pixels show the highlights that branches bring which carry little.
-    let are_pixels = view.apart() > 1;
-    let by_pixel = specular.by_pixel(view.size().n_pixels(), !are_pixels);
+    // What a whole pixel shows by chains is followed, as everywhere.
+    let follows_all = view.apart() > 1;
+    let by_pixel = specular.by_pixel(view.size().n_pixels());
     // Fresh memory is black: the sweep is the first to touch it.
     let mut values = Components::from_fn(|_| bytemuck::zeroed_vec(size.n_pixels()));
-    let tolerance = match (strictness.tolerance(Component::Direct), are_pixels) {
-        (Tolerance { error, edge }, true) => {
-            Tolerance { error: NARROWER * error, edge: NARROWER * edge }
-        }
-        (tolerance, false) => tolerance,
-    };
+    let scaled = |Tolerance { error, edge }, by| Tolerance { error: by * error, edge: by * edge };
+    let (of_light, of_ends) = if follows_all { (NARROWER, 1.0) } else { (1.0, WIDER) };
+    let tolerance = scaled(strictness.tolerance(Component::Direct), of_light);
     let emitters = shader.scene.lights.iter().filter_map(Light::enclosing_sphere).collect();
     let by_pixel = &by_pixel;
     let places = (0..cells.n).flat_map(|y| (0..cells.n).map(move |x| Pixel { x, y }));
     let weights = places.map(|pixel| bilinear(cells.place(pixel))).collect();
-    let sweep = Sweep { frame, coarse, cells, weights, specular, by_pixel, emitters, tolerance };
+    let sweep = Sweep {
+        frame,
+        coarse,
+        cells,
+        weights,
+        specular,
+        by_pixel,
+        emitters,
+        tolerance,
+        follows_all,
+    };
     let n_rows = view.size().height as usize;
     let rest = account.watched(n_rows, |watch| sweep.all(&mut values, watch))?;
     let Rest { alone, lights, caustic, chains } = rest;
@@ -276,9 +283,7 @@ pub(super) fn render(
         (values.caustic[i], reasons.caustic[i]) = (radiance, Reason::Edge);
     }
 
-    let Tolerance { error, edge } = strictness.tolerance(Component::Specular);
-    let times = if are_pixels { 1.0 } else { WIDER };
-    let tolerance = Tolerance { error: times * error, edge: times * edge };
+    let tolerance = scaled(strictness.tolerance(Component::Specular), of_ends);
     let followed =
         specular.between(by_pixel, &chains, cells, view, finished, tolerance, account)?;
     let first = |&Pixel { x, y }: &Pixel| Pixel { x: x * cells.n, y: y * cells.n };
@@ -355,6 +360,8 @@ struct Sweep<'x, 'a> {
     /// Spheres around them.
     emitters: Vec<(Vec3A, f32)>,
     tolerance: Tolerance,
+    /// Whether chains are followed from whatever isn't a coarse pixel.
+    follows_all: bool,
 }
 
 /// Radiance of the subpixels of some rows.
@@ -425,6 +432,7 @@ impl Sweep<'_, '_> {
                 if begins_sharply(material) {
                     let known = match (dx, dy) {
                         (0, 0) => Ok(self.specular.radiance(cell[0])),
+                        _ if self.follows_all => Err(None),
                         _ => {
                             let agreeing = agreeing.get_or_insert_with(|| self.agreeing(&cell));
                             self.specular(&surface, &cell, weights, agreeing)
@@ -458,7 +466,7 @@ impl Sweep<'_, '_> {
         let others = dark + (even.indirect[0] + even.caustic[0]).luminance();
         let most = self.tolerance.edge * (others + even.direct[0].luminance());
         let differs = |values: &[Rgb; 4]| values.iter().any(|&v| (v - values[0]).size() > most);
-        let is_even = !differs(&even.caustic) && primary.direct.is_even(cell, most);
+        let is_even = !differs(&even.caustic) && primary.direct.is_even(cell, first, most);
         is_even.then_some(even)
     }
 
@@ -499,7 +507,8 @@ impl Sweep<'_, '_> {
         let mut lack = |lack: Lack| {
             rest.lights.push((pixel, Lack { radiance: albedo * lack.radiance, ..lack }));
         };
-        let direct = primary.direct.between(&corners, others, self.tolerance, &mut lack);
+        let first = view.size().pixel(cell[0]);
+        let direct = primary.direct.between(&corners, first, others, self.tolerance, &mut lack);
         let span = corners.span(|i| primary.caustic.irradiance(i));
         if span > self.tolerance.edge * (others + direct.luminance()) {
             rest.caustic.push(pixel);
@@ -541,7 +550,7 @@ impl Sweep<'_, '_> {
         let agree = agreeing.iter().zip(weights).all(|(&agrees, weight)| agrees || weight == 0.0);
         match agree && corners.is_whole && span <= limit {
             true => Ok(radiance),
-            false => Err(self.by_pixel.faint_between(&corners)),
+            false => Err(Some(corners.blend(|i| self.by_pixel.faint(i)))),
         }
     }
 }

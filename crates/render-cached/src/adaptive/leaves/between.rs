@@ -7,7 +7,7 @@ use shade::ChainEmission;
 
 use super::{Ends, Finished, Leaf, LeafRule, Leaves, follow, look_up};
 use crate::adaptive::records::Saved;
-use crate::adaptive::subpixels::{Cells, Corners};
+use crate::adaptive::subpixels::Cells;
 use crate::adaptive::{Account, View};
 
 /// What each pixel shows by chains, once all is known.
@@ -21,8 +21,6 @@ pub(crate) struct ByPixel {
     is_lit: Vec<bool>,
     /// Whether a pixel has glossy ends, too; empty if none has.
     is_glossy: Vec<bool>,
-    /// Whether what comes by branches that carry little is smooth enough to be blended, whatever it is.
-    blends_faint: bool,
 }
 
 impl ByPixel {
@@ -30,9 +28,9 @@ impl ByPixel {
         &self.leaves[self.first[pixel] as usize..self.first[pixel + 1] as usize]
     }
 
-    /// Radiance between pixels by branches that carry little, if it is to be blended.
-    pub(crate) fn faint_between(&self, corners: &Corners) -> Option<Rgb> {
-        self.blends_faint.then(|| corners.blend(|pixel| self.faint[pixel]))
+    /// Radiance by branches that carry little.
+    pub(crate) fn faint(&self, pixel: usize) -> Rgb {
+        self.faint[pixel]
     }
 
     pub(crate) fn has_glossy(&self, pixel: usize) -> bool {
@@ -58,7 +56,7 @@ const FAR_APART: f32 = 4.0;
 
 impl Leaves {
     /// Sorts the leaves by their pixels.
-    pub(crate) fn by_pixel(&self, n_pixels: usize, blends_faint: bool) -> ByPixel {
+    pub(crate) fn by_pixel(&self, n_pixels: usize) -> ByPixel {
         let mut first = vec![0; n_pixels + 1];
         for leaf in &self.leaves {
             first[leaf.pixel as usize + 1] += 1;
@@ -82,14 +80,14 @@ impl Leaves {
         let (mut faint, mut is_lit) = (vec![Rgb::BLACK; n_pixels], vec![false; n_pixels]);
         for &(pixel, ChainEmission { all, faint: part }) in &self.emissions {
             let i = self.emitted.size().index(pixel);
-            (faint[i], is_lit[i]) = (part, all != if blends_faint { part } else { Rgb::BLACK });
+            (faint[i], is_lit[i]) = (part, all != part);
         }
         for (leaf, &irradiance) in self.leaves.iter().zip(&self.irradiance) {
             if leaf.is_faint {
                 faint[leaf.pixel as usize] += leaf.weight * irradiance;
             }
         }
-        ByPixel { first, leaves, faint, is_lit, is_glossy, blends_faint }
+        ByPixel { first, leaves, faint, is_lit, is_glossy }
     }
 
     /// Whether the chains of two pixels go the same ways to the same surfaces and bring the same from there, to this part of what
@@ -112,8 +110,7 @@ impl Leaves {
             let leaf = &self.leaves[i as usize];
             (leaf, (leaf.weight * self.irradiance[i as usize]).luminance())
         };
-        let is_blended = |leaf: &Leaf| by_pixel.blends_faint && leaf.is_faint;
-        let is_little = |(leaf, radiance): &(&Leaf, f32)| is_blended(leaf) || *radiance <= most;
+        let is_little = |(leaf, radiance): &(&Leaf, f32)| leaf.is_faint || *radiance <= most;
         let mut others = by_pixel.of(b).iter().map(brought).peekable();
         for one in by_pixel.of(a).iter().map(brought) {
             while let Some(other) = others.next_if(|other| other.0.path < one.0.path) {
@@ -136,7 +133,7 @@ impl Leaves {
             let differs = !same_surface(&leaf.site, &other.site)
                 && radiance.max(other_radiance) > most
                 || apart > reach && (radiance - other_radiance).abs() > FAR_APART * most;
-            let is_bright = !(is_blended(leaf) && is_blended(other));
+            let is_bright = !(leaf.is_faint && other.is_faint);
             if differs || is_bright && emitters.iter().any(is_near) {
                 return false;
             }
