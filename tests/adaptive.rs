@@ -5,6 +5,7 @@ mod bench;
 mod caustics;
 mod cost;
 mod honesty;
+mod large;
 mod lens;
 mod lights;
 mod materials;

@@ -1,9 +1,10 @@
-//! Subpixels between those that the cache works on.
+//! Subpixels, or pixels, between those that the cache works on.
 //!
-//! Of the subpixels of a pixel the cache works on one, the first: these form a picture of their own, in which components are
-//! computed, refined, verified and measured. Eye rays are traced for all, so silhouettes, materials and textures are exact; the
-//! light at the others is that of the four around them. Where those differ too much, in the borders of sharp shadows and of what
-//! mirrors and glass show, or show other surfaces, it is computed. So the cost of light hardly grows with their number.
+//! Of the subpixels of a pixel the cache works on one, the first, and of a large picture on every other pixel, both ways: these form
+//! a picture of their own, in which components are computed, refined, verified and measured. Eye rays are traced for all, so
+//! silhouettes, materials and textures are exact; the light at the others is that of the four around them. Where those differ too
+//! much, in the borders of sharp shadows and of what mirrors and glass show, or show other surfaces, it is computed. So the cost of
+//! light hardly grows with their number.
 
 use base::{
     Component, Components, Grid, ImageSize, Interrupted, Pixel, Rgb, Watch, math::FRAC_1_PI,
@@ -37,7 +38,7 @@ pub(super) struct Coarse<'x, 'a> {
 /// A picture of so many pixels is large.
 const LARGE: usize = 1 << 20;
 
-/// Of a whole pixel all errors are seen, where those of subpixels make up for each other: tolerances are so much narrower.
+/// Of a whole pixel all errors are seen, where those of subpixels make up for each other: tolerances are so much of what they are else.
 const NARROWER: f32 = 0.5;
 
 /// Tolerances at ends of chains are so much wider: a pixel is the mean of its subpixels, of which the first is exact.
