@@ -185,7 +185,7 @@ mod tests {
             let shuffled = owen_scramble(index as u32, scrambling as u32);
             let expected: [f32; 5] = array::from_fn(|d| {
                 let rows = MATRICES[d].iter().enumerate();
-                let bits = rows.fold(0, |sum, (i, row)| sum ^ row * (shuffled >> i & 1));
+                let bits = rows.fold(0, |sum, (i, row)| sum ^ (row * (shuffled >> i & 1)));
                 let bits = owen_scramble(bits, hash_u64(scrambling, d as u64 + 1) as u32);
                 (bits >> 8) as f32 * (1.0 / 16_777_216.0)
             });

@@ -49,6 +49,8 @@ pub fn write_png(
         let mut encoder = png::Encoder::new(out, size.width, size.height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
+        // A seventeenth of the time of the default, for files a quarter larger: else it is a sixth of a short run.
+        encoder.set_compression(png::Compression::Fast);
         encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
         let mut writer = encoder.write_header().map_err(io_error)?;
         writer.write_image_data(bytes.as_flattened()).map_err(io_error)?;
