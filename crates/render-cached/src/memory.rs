@@ -30,6 +30,9 @@ const PAPER: u64 = 205;
 const ADAPTIVE: u64 = 235;
 const CACHED_LIGHT: u64 = 20;
 
+/// What is left of a pixel when all are worked on after every fourth was tried.
+const TRIED: u64 = 32;
+
 /// What it takes of a subpixel if it works on one of each pixel, beside what it takes of that.
 const TOLD: u64 = 132;
 
@@ -71,7 +74,12 @@ pub(crate) fn of_picture(args: &Args, extent: &Extent, scene: &Scene) -> Need {
             let most = match args.mode {
                 Mode::Adaptive => match u64::from(step_of_cache(args, n as usize, &scene.camera)) {
                     1 => of_cache * n,
-                    step => TOLD * n + of_cache * (n / (step * step)),
+                    step => {
+                        let told = TOLD * n + of_cache * (n / (step * step));
+                        // Whole pixels may turn out to tell nothing.
+                        let anew = (TRIED + of_cache) * n;
+                        if args.supersample == 1 { told.max(anew) } else { told }
+                    }
                 },
                 Mode::Original | Mode::Paper => PAPER * n,
             };

@@ -53,6 +53,9 @@ const NEAR_ENOUGH: f64 = 1.08;
 /// The same of what the eye sees directly: what chains show comes on top.
 const NEAR_ENOUGH_IN_VIEW: f64 = 1.03;
 
+/// Pixels of a large picture whose error is so many times the one aimed at aren't told by those around them.
+const TOO_WRONG: f64 = 2.0;
+
 /// How often what failed is refined again.
 const MAX_ROUNDS: usize = 4;
 
@@ -76,16 +79,28 @@ pub(crate) fn render(
     }
     let fine = frame;
     let coarse = subpixels::coarse(args, fine);
-    let frame = coarse.as_ref().unwrap_or(fine);
-    account.frame = frame;
-    let view = View::new(frame, args.supersample);
-    let mut strictness = Strictness::new(args.error, frame.shader().is_gathering());
-    let mut primary = Primary::start(&view, &saved, args.error, &strictness, &mut account)?;
-    let held_out = HeldOut::compute(args, &mut account)?;
-    let told = match &coarse {
+    let mut frame = coarse.as_ref().unwrap_or(fine);
+    let mut told = match &coarse {
         None => None,
         Some(coarse) => Some(Told::new(args, fine, coarse, &mut account)?),
     };
+    let mut strictness = Strictness::new(args.error, frame.shader().is_gathering());
+    let (view, mut primary) = loop {
+        account.frame = frame;
+        let view = View::new(frame, args.supersample);
+        let primary = Primary::start(&view, &saved, args.error, &strictness, &mut account)?;
+        // Where light is mostly noise, no pixel tells of those beside it.
+        let is_told = view.apart() > 1
+            && told.as_ref().is_some_and(|told| {
+                told.in_view(args, &view, &primary).measured_mean
+                    > TOO_WRONG * f64::from(args.error)
+            });
+        if !is_told {
+            break (view, primary);
+        }
+        (frame, told) = (fine, None);
+    };
+    let held_out = HeldOut::compute(args, &mut account)?;
     let target = f64::from(args.error);
     let too_large_by = |error: &ErrorReport| (error.measured_mean / target) as f32;
     // Chains end on what the eye sees, so that comes first; what they show is wrong by as much.
@@ -97,7 +112,8 @@ pub(crate) fn render(
         if view.apart() > 1
             && let Some(told) = &told
         {
-            report.estimate = told.in_view(args, report.estimate, &view, &primary);
+            let of_told = told.in_view(args, &view, &primary);
+            report.estimate = report.estimate.with(of_told, told.share());
         }
         if report.estimate.measured_mean <= NEAR_ENOUGH_IN_VIEW * target || round == MAX_ROUNDS {
             break;

@@ -33,15 +33,9 @@ impl<'x, 'a> Told<'x, 'a> {
         Ok(Self { frame, cells, held_out: held_out? })
     }
 
-    /// The error of the view as it will be, given that of the pixels that the cache works on: these are often computed, and so
-    /// told too good.
-    pub(super) fn in_view(
-        &self,
-        args: &Args,
-        of_others: ErrorReport,
-        view: &View,
-        primary: &Primary,
-    ) -> ErrorReport {
+    /// Their error in the view as it will be. That of the pixels that the cache works on tells too little: these are often
+    /// computed.
+    pub(super) fn in_view(&self, args: &Args, view: &View, primary: &Primary) -> ErrorReport {
         let Self { frame, cells, held_out } = self;
         let scene = frame.shader().scene;
         let shown = |i: usize, specular: Rgb| {
@@ -62,8 +56,7 @@ impl<'x, 'a> Told<'x, 'a> {
                 specular,
             })
         };
-        let told = held_out.measure(args, frame.size(), shown, |_| false).estimate;
-        of_others.with(told, self.share())
+        held_out.measure(args, frame.size(), shown, |_| false).estimate
     }
 
     /// The error of all pixels of the frame, once their values are known.
@@ -79,7 +72,7 @@ impl<'x, 'a> Told<'x, 'a> {
     }
 
     /// The share of the pixels that are told.
-    fn share(&self) -> f64 {
+    pub(super) fn share(&self) -> f64 {
         1.0 - 1.0 / f64::from(self.cells.n_subpixels())
     }
 }
