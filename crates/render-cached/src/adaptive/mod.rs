@@ -90,12 +90,12 @@ pub(crate) fn render(
         let view = View::new(frame, args.supersample);
         let primary = Primary::start(&view, &saved, args.error, &strictness, &mut account)?;
         // Where light is mostly noise, no pixel tells of those beside it.
-        let is_told = view.apart() > 1
+        let is_too_wrong = view.apart() > 1
             && told.as_ref().is_some_and(|told| {
                 told.in_view(args, &view, &primary).measured_mean
                     > TOO_WRONG * f64::from(args.error)
             });
-        if !is_told {
+        if !is_too_wrong {
             break (view, primary);
         }
         (frame, told) = (fine, None);
