@@ -62,6 +62,16 @@ impl std::fmt::Debug for Accel {
     }
 }
 
+/// A triangle or sphere that many rays meet: see [`Accel::target`].
+#[derive(Clone, Copy, Debug)]
+pub struct Target(Kind);
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Triangle(Facet),
+    Sphere { slot: u32, id: u32, center: DVec3, radius: f64 },
+}
+
 struct BoundedPrimitive(Aabb);
 
 impl obvhs::Boundable for BoundedPrimitive {
@@ -262,7 +272,7 @@ impl Accel {
     /// What lies at a hit of `ray`.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        self.surface_of(&self.sheared(ray), hit.slot).0
+        self.surface_of(&self.sheared(ray), &self.target_of(hit.slot)).0
     }
 
     /// The nearest surface that the ray meets, and its distance: [`Accel::closest_hit`] and [`Accel::surface`] at once.
@@ -271,7 +281,7 @@ impl Accel {
         let query = self.query(ray);
         let (t, slot) = query.nearest()?;
         let t = ((f64::from(t) + query.skipped) as f32) / self.scale;
-        Some((self.surface_of(&query.sheared, slot).0, t))
+        Some((self.surface_of(&query.sheared, &self.target_of(slot)).0, t))
     }
 
     /// What lies where a ray meets the primitive that a surface has named; nothing if its line passes by, or there is no
@@ -280,26 +290,56 @@ impl Accel {
     /// If the primitive is the nearest, this is what [`Accel::closest_hit`] leads to, without looking for it.
     #[inline]
     pub fn surface_on(&self, ray: &Ray, primitive: u32) -> Option<Surface> {
-        if primitive as usize >= self.primitives.len() {
-            return None;
-        }
-        let (surface, is_met) = self.surface_of(&self.sheared(ray), primitive);
+        self.surface_at(ray, &self.target(primitive)?)
+    }
+
+    /// A primitive that a surface has named, ready for [`Accel::surface_at`]; nothing if there is no such primitive.
+    #[inline]
+    pub fn target(&self, primitive: u32) -> Option<Target> {
+        ((primitive as usize) < self.primitives.len()).then(|| self.target_of(primitive))
+    }
+
+    /// [`Accel::surface_on`] for many rays that meet the same primitive.
+    #[inline]
+    pub fn surface_at(&self, ray: &Ray, target: &Target) -> Option<Surface> {
+        let (surface, is_met) = self.surface_of(&self.sheared(ray), target);
         is_met.then_some(surface)
+    }
+
+    /// What a primitive that a surface has named is made of.
+    #[inline]
+    pub fn material_of(&self, primitive: u32) -> MaterialId {
+        let owner = match self.primitives[primitive as usize].shape() {
+            Shape::Triangle { id } => id,
+            Shape::Sphere { id, .. } => self.n_triangles + id,
+        };
+        self.owners[owner as usize].0
+    }
+
+    #[inline(always)]
+    fn target_of(&self, slot: u32) -> Target {
+        let primitive = &self.primitives[slot as usize];
+        Target(match primitive.shape() {
+            Shape::Triangle { id } => {
+                let [a, b, c] = primitive.corners();
+                let corners = [a.as_dvec3(), b.as_dvec3(), c.as_dvec3()];
+                Kind::Triangle(Facet::new(corners, id, slot))
+            }
+            Shape::Sphere { id, center, radius } => {
+                Kind::Sphere { slot, id, center: center.as_dvec3(), radius: radius.into() }
+            }
+        })
     }
 
     /// The surface of a primitive where a ray meets it, and whether its line does.
     #[inline(always)]
-    fn surface_of(&self, ray: &ShearedRay, slot: u32) -> (Surface, bool) {
-        let primitive = &self.primitives[slot as usize];
-        match primitive.shape() {
-            Shape::Triangle { id } => {
-                let [a, b, c] = primitive.corners();
-                let facet = Facet::new([a.as_dvec3(), b.as_dvec3(), c.as_dvec3()], id, slot);
+    fn surface_of(&self, ray: &ShearedRay, Target(kind): &Target) -> (Surface, bool) {
+        match kind {
+            Kind::Triangle(facet) => {
                 let weights = ray.weights(facet.corners);
-                (self.on_facet(&facet, weights), weights.cmpge(DVec3::ZERO).all())
+                (self.on_facet(facet, weights), weights.cmpge(DVec3::ZERO).all())
             }
-            Shape::Sphere { id, center, radius } => {
-                let (center, radius) = (center.as_dvec3(), f64::from(radius));
+            &Kind::Sphere { slot, id, center, radius } => {
                 let t = ray.sphere(center, radius);
                 let normal = (ray.at(t) - center).normalize();
                 let largest = center.abs() + radius;

@@ -60,6 +60,19 @@ impl Frustum {
         }
     }
 
+    /// Whether all rays between four directions, which lie in the frustum, surely meet the triangle: all of these point into it by
+    /// more than rounding can move any.
+    pub fn fills(&self, dirs: [Vec3A; 4]) -> bool {
+        let [x, y, z] = self.seen;
+        let corner = |i: usize| DVec3::new(x[i], y[i], z[i]);
+        let [a, b, c] = [corner(0), corner(1), corner(2)];
+        let inside = a.dot(b.cross(c)).signum();
+        let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.normalize() * inside);
+        let least = 2.0 * f64::from(SLACK);
+        // Also if any of it isn't a number.
+        dirs.iter().all(|dir| sides.iter().all(|side| side.dot(dir.as_dvec3()) >= least))
+    }
+
     /// The weights of the triangle's corners where a ray from the origin of the frustum meets it, if that is in the frustum.
     #[inline]
     pub(crate) fn weights(&self, dir: Vec3A) -> Option<DVec3> {
@@ -128,7 +141,7 @@ mod tests {
     #[test]
     fn rays_in_a_frustum_meet_what_a_search_finds() {
         let mut rng = Rng::new(0, Stream::Test, 0);
-        let (mut n_clear, mut n_blocked, mut n_rays) = (0, 0, 0);
+        let (mut n_clear, mut n_blocked, mut n_filled, mut n_rays) = (0, 0, 0, 0);
         for round in 0..600 {
             let mut mesh = Mesh::default();
             // Walls, some of them seen at a low angle, some smooth, and clutter all around.
@@ -166,8 +179,12 @@ mod tests {
                     continue;
                 };
                 n_clear += 1;
+                let is_filled = frustum.fills(CORNERS.map(|i| rays[i].dir()));
+                n_filled += u32::from(is_filled);
                 for ray in &rays {
-                    let Some(surface) = accel.surface_in(&frustum, ray) else { continue };
+                    let surface = accel.surface_in(&frustum, ray);
+                    assert!(surface.is_some() || !is_filled, "round {round}, {ray:?}");
+                    let Some(surface) = surface else { continue };
                     let (expected, _) = accel.closest_surface(ray).expect("a surface");
                     assert_eq!(bits(&surface), bits(&expected), "round {round}, {ray:?}");
                     n_rays += 1;
@@ -182,6 +199,7 @@ mod tests {
             }
         }
         assert!(n_clear > 3000 && n_blocked > 100, "{n_clear} clear, {n_blocked} blocked");
+        assert!(n_filled > n_clear * 9 / 10, "{n_filled} of {n_clear} filled");
         assert!(n_rays > n_clear * 70, "{n_rays} rays in {n_clear} frusta");
     }
 

@@ -17,7 +17,7 @@ mod shaft;
 mod surface;
 mod traverse;
 
-pub use accel::{Accel, Hit, sphere_uv};
+pub use accel::{Accel, Hit, Target, sphere_uv};
 pub use bounds::Bounds;
 pub use crease::{Crease, Creases};
 pub use frustum::Frustum;

@@ -239,7 +239,7 @@ impl ShearedRay {
     }
 
     /// The weights of the corners of a triangle that the ray hits.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn weights(&self, [a, b, c]: [DVec3; 3]) -> DVec3 {
         let corners = [a - self.origin, b - self.origin, c - self.origin];
         let weights = DVec3::from(self.edges(corners));

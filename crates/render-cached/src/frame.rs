@@ -1,27 +1,25 @@
-//! The eye rays of a picture, and the shading of any set of its pixels.
+//! What the eye sees in a picture, and the shading of any set of its pixels.
 
-use std::num::NonZeroU32;
+mod eye;
+mod seen;
 
-use base::{
-    Component, Grid, ImageSize, Interrupted, OwenSobol, Pixel, Ray, Rgb, Stream, Watch, Window,
-    hash_u64,
-};
-use geometry::{Frustum, MaterialId, Surface};
-use glam::{Vec2, Vec3, Vec3A};
+use std::sync::Arc;
+
+use base::{Component, Grid, ImageSize, Interrupted, Pixel, Ray, Rgb, Watch, Window};
+use geometry::{Surface, Target};
+use glam::Vec3A;
 use rayon::prelude::*;
+use scene::Material;
 use shade::{Counts, PixelStream, Shader, ShadingPoint, Work};
+
+use eye::{eye_ray, middle, trace};
+use seen::{Seen, Sight, Surfaces};
 
 /// Items that one task takes. Fixed, since the counts of work depend on it.
 pub(crate) const CHUNK: usize = 512;
 
 /// The side of the squares in which pixels are visited, so that neighbours in work are neighbours in space.
 const TILE: u32 = 32;
-
-/// The side of the largest squares of pixels that are tried for one flat surface.
-const BLOCK: u32 = 16;
-
-/// The side of the smallest.
-const SMALLEST_BLOCK: u32 = 4;
 
 /// No primitive: an eye ray that meets nothing.
 pub(crate) const NOTHING: u32 = u32::MAX;
@@ -33,49 +31,7 @@ pub(crate) struct Frame<'a> {
     window: Window,
     /// Of the pixels of the window only every so many are here, both ways, from the first on.
     step: u32,
-    surfaces: Grid<Option<Seen>>,
-}
-
-/// A surface as it is kept for each pixel: 52 bytes instead of the 80 of an `Option<Surface>`, and the same to the bit.
-#[derive(Clone, Copy, Debug)]
-struct Seen {
-    position: Vec3,
-    geometric_normal: Vec3,
-    shading_normal: Vec3,
-    /// One more than its number, so that there is a value for nothing.
-    object: NonZeroU32,
-    primitive: u32,
-    error: f32,
-    material: MaterialId,
-}
-
-impl Seen {
-    fn new(surface: &Surface) -> Self {
-        let &Surface { position, geometric_normal, shading_normal, material, .. } = surface;
-        let &Surface { object, primitive, error, .. } = surface;
-        Self {
-            position: position.into(),
-            geometric_normal: geometric_normal.into(),
-            shading_normal: shading_normal.into(),
-            object: NonZeroU32::MIN.saturating_add(object),
-            primitive,
-            error,
-            material,
-        }
-    }
-
-    #[inline]
-    fn surface(&self) -> Surface {
-        Surface {
-            position: self.position.into(),
-            geometric_normal: self.geometric_normal.into(),
-            shading_normal: self.shading_normal.into(),
-            material: self.material,
-            object: self.object.get() - 1,
-            primitive: self.primitive,
-            error: self.error,
-        }
-    }
+    surfaces: Surfaces,
 }
 
 impl<'a> Frame<'a> {
@@ -85,35 +41,27 @@ impl<'a> Frame<'a> {
         window: Window,
         watch: Watch<'_>,
     ) -> Result<(Self, Counts), Interrupted> {
-        let size = window.size;
-        // Straight into the picture: it is larger than any cache, and copies of it take as long as the rays.
-        let mut surfaces = vec![None; size.n_pixels()];
-        // Where there are too few bands of tiles to share, lower ones.
-        let rows = if size.height >= 8 * TILE { TILE } else { BLOCK / 2 };
-        let counts: Option<Vec<Counts>> = surfaces
-            .par_chunks_mut((size.width * rows) as usize)
-            .zip((0..size.height).into_par_iter().step_by(rows as usize))
-            .map(|(surfaces, top)| {
-                let n = surfaces.len() as u64;
-                let mut band = Band {
-                    shader,
-                    window,
-                    top,
-                    surfaces,
-                    traced: [0; TILE as usize],
-                    work: Work::default(),
-                };
-                for left in (0..size.width).step_by(TILE as usize) {
-                    band.trace(left, watch)?;
-                }
-                // However they were found.
-                band.work.counts.eye_rays = n;
-                watch(n).then_some(band.work.counts)
-            })
-            .collect();
-        let mut sum = Counts::default();
-        counts.ok_or(Interrupted)?.into_iter().for_each(|counts| sum += counts);
-        Ok((Self { shader, window, step: 1, surfaces: Grid::from_values(size, surfaces) }, sum))
+        let (surfaces, counts) = trace(shader, window, watch)?;
+        Ok((Self { shader, window, step: 1, surfaces: Surfaces::kept(surfaces) }, counts))
+    }
+
+    /// The same for a frame that will be thinned by `step`, and of whose other pixels little is asked. What a surface lets pass
+    /// can't be found anew, so there must be no such surfaces.
+    pub(crate) fn sketch(
+        shader: &'a Shader<'a>,
+        window: Window,
+        step: u32,
+        watch: Watch<'_>,
+    ) -> Result<(Self, Counts), Interrupted> {
+        debug_assert!(!shader.scene.is_masked());
+        let (primitives, counts) = trace(shader, window, watch)?;
+        let surfaces = Surfaces::Named { primitives, some: None };
+        let mut frame = Self { shader, window, step: 1, surfaces };
+        let every = Arc::new(frame.every(step));
+        if let Surfaces::Named { some, .. } = &mut frame.surfaces {
+            *some = Some((step, every));
+        }
+        Ok((frame, counts))
     }
 
     /// Takes the primitives that the eye rays meet first, instead of looking for them: [`NOTHING`] where there is none.
@@ -139,24 +87,35 @@ impl<'a> Frame<'a> {
             if watch(CHUNK as u64) { Ok(true) } else { Err(Interrupted) }
         });
         let all_meet = all_meet.try_reduce(|| true, |a, b| Ok(a && b))?;
-        let surfaces = Grid::from_values(size, surfaces);
+        let surfaces = Surfaces::kept(Grid::from_values(size, surfaces));
         Ok(all_meet.then_some(Self { shader, window, step: 1, surfaces }))
     }
 
-    /// Every `step`-th pixel, both ways, from the first on: a smaller picture of the same.
+    /// Every `step`-th pixel, both ways, from the first on, with all of its surface: a smaller picture of the same.
     pub(crate) fn thinned(&self, step: u32) -> Self {
+        let surfaces = match &self.surfaces {
+            Surfaces::Named { some: Some((every, surfaces)), .. } if *every == step => {
+                Surfaces::Kept(surfaces.clone())
+            }
+            _ => Surfaces::kept(self.every(step)),
+        };
+        Self { surfaces, step: self.step * step, ..*self }
+    }
+
+    /// The surfaces of every `step`-th pixel.
+    fn every(&self, step: u32) -> Grid<Option<Seen>> {
         let ImageSize { width, height } = self.size();
         let size = ImageSize { width: width.div_ceil(step), height: height.div_ceil(step) };
         let mut surfaces = vec![None; size.n_pixels()];
-        let rows = surfaces.par_chunks_mut(size.width as usize).enumerate();
-        rows.for_each(|(y, row)| {
-            let all = &self.surfaces.values()[y * (step * width) as usize..][..width as usize];
-            row.iter_mut()
-                .zip(all.iter().step_by(step as usize))
-                .for_each(|(to, from)| *to = *from);
+        let rows = surfaces.par_chunks_mut(size.width as usize).zip(0..size.height);
+        rows.for_each(|(row, y)| {
+            let mut looks = self.looks();
+            for (to, x) in row.iter_mut().zip(0..) {
+                let pixel = Pixel { x: x * step, y: y * step };
+                *to = looks.surface(pixel).as_ref().map(Seen::new);
+            }
         });
-        let surfaces = Grid::from_values(size, surfaces);
-        Self { surfaces, step: self.step * step, ..*self }
+        Grid::from_values(size, surfaces)
     }
 
     /// The primitives that the eye rays meet first; [`NOTHING`] where there is none.
@@ -167,7 +126,10 @@ impl<'a> Frame<'a> {
     /// The same of the pixel of a number.
     #[inline]
     pub(crate) fn primitive(&self, index: usize) -> u32 {
-        self.surfaces.values()[index].as_ref().map_or(NOTHING, |seen| seen.primitive)
+        match &self.surfaces {
+            Surfaces::Kept(surfaces) => surfaces.values()[index].primitive(),
+            Surfaces::Named { primitives, .. } => primitives.values()[index],
+        }
     }
 
     pub(crate) fn window(&self) -> Window {
@@ -175,7 +137,10 @@ impl<'a> Frame<'a> {
     }
 
     pub(crate) fn size(&self) -> ImageSize {
-        self.surfaces.size()
+        match &self.surfaces {
+            Surfaces::Kept(surfaces) => surfaces.size(),
+            Surfaces::Named { primitives, .. } => primitives.size(),
+        }
     }
 
     /// How far apart pixels are in the window: 1 but in a thinned frame.
@@ -190,28 +155,68 @@ impl<'a> Frame<'a> {
     /// The first surface of the pixel of a number, its front side not turned to the eye.
     #[inline]
     pub(crate) fn surface(&self, index: usize) -> Option<Surface> {
-        self.surfaces.values()[index].as_ref().map(Seen::surface)
+        let pixel = self.size().pixel(index);
+        self.surfaces.seen(pixel).unwrap_or_else(|primitive| {
+            self.shader.scene.accel.surface_on(&self.eye_ray(pixel), primitive)
+        })
+    }
+
+    /// The same, given the eye ray of the pixel.
+    #[inline]
+    fn met(&self, pixel: Pixel, ray: &Ray) -> Option<Surface> {
+        let find = |primitive| self.shader.scene.accel.surface_on(ray, primitive);
+        self.surfaces.seen(pixel).unwrap_or_else(find)
+    }
+
+    /// For the surfaces of pixels one after the other, which often show the same triangle.
+    pub(crate) fn looks(&self) -> Looks<'_, 'a, impl Fn(Pixel) -> Ray> {
+        let camera = &self.shader.scene.camera;
+        let rays = camera.rays(self.window.whole);
+        let is_pinhole = camera.is_pinhole();
+        let ray = move |pixel| match is_pinhole {
+            true => rays(middle(self.window.in_whole(self.in_window(pixel)))),
+            false => self.eye_ray(pixel),
+        };
+        Looks { frame: self, ray, last: None }
+    }
+
+    /// What the pixel of a number shows is made of.
+    #[inline]
+    pub(crate) fn material(&self, index: usize) -> Option<&'a Material> {
+        let scene = self.shader.scene;
+        match &self.surfaces {
+            Surfaces::Kept(surfaces) => {
+                let seen = surfaces.values()[index].as_ref()?;
+                Some(&scene.materials[usize::from(seen.material.0)])
+            }
+            Surfaces::Named { primitives, .. } => match primitives.values()[index] {
+                NOTHING => None,
+                primitive => Some(scene.material_of(primitive)),
+            },
+        }
     }
 
     /// Whether the pixel of a number shows a surface.
     #[inline]
     pub(crate) fn shows_surface(&self, index: usize) -> bool {
-        self.surfaces.values()[index].is_some()
+        self.primitive(index) != NOTHING
     }
 
     /// How many pixels show a surface.
     pub(crate) fn n_surfaces(&self) -> usize {
-        self.surfaces.values().iter().flatten().count()
+        (0..self.size().n_pixels()).filter(|&index| self.shows_surface(index)).count()
     }
 
     /// Radiance that the first surface of a pixel emits towards the eye, or that comes from beyond the scene.
     pub(crate) fn emitted(&self, pixel: Pixel) -> Rgb {
-        let scene = self.shader.scene;
-        let to_surface = || self.eye_ray(pixel).dir();
-        match self.surface(self.size().index(pixel)) {
-            Some(surface) if scene.material(&surface).emission.is_black() => Rgb::BLACK,
-            Some(surface) => scene.emitted(&surface, -to_surface()),
-            None => self.shader.background(to_surface()),
+        let index = self.size().index(pixel);
+        if self.material(index).is_some_and(|material| material.emission.is_black()) {
+            return Rgb::BLACK;
+        }
+        let ray = self.eye_ray(pixel);
+        match self.met(pixel, &ray) {
+            Some(surface) => self.shader.scene.emitted(&surface, -ray.dir()),
+            None => self.shader.background(ray.dir()),
         }
     }
 
@@ -236,9 +241,9 @@ impl<'a> Frame<'a> {
 
     /// The first surface of a pixel, as the eye sees it.
     pub(crate) fn point(&self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
-        let w_o = -self.eye_ray(pixel).dir();
-        let surface = self.surface(self.size().index(pixel))?;
-        Some(self.shader.shading_point(surface, w_o))
+        let ray = self.eye_ray(pixel);
+        let surface = self.met(pixel, &ray)?;
+        Some(self.shader.shading_point(surface, -ray.dir()))
     }
 
     /// All pixels that show a surface, in an order in which neighbours are close.
@@ -246,13 +251,14 @@ impl<'a> Frame<'a> {
         self.pixels_that_show(|_| true).collect()
     }
 
-    /// The pixels that show some surfaces, in the same order.
+    /// The pixels that show surfaces of some materials, in the same order.
     pub(crate) fn pixels_that_show(
         &self,
-        is_wanted: impl Fn(&Surface) -> bool,
+        is_wanted: impl Fn(&Material) -> bool,
     ) -> impl Iterator<Item = Pixel> {
-        pixels_by_tiles(self.size())
-            .filter(move |&p| self.surfaces[p].is_some_and(|seen| is_wanted(&seen.surface())))
+        let size = self.size();
+        pixels_by_tiles(size)
+            .filter(move |&pixel| self.material(size.index(pixel)).is_some_and(&is_wanted))
     }
 
     /// `f` of the surface points of some pixels, in parallel; the default where there is none.
@@ -294,178 +300,42 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Rows of a frame whose eye rays are being traced, one tile after the other.
-struct Band<'x, 'a> {
-    shader: &'x Shader<'a>,
-    window: Window,
-    /// The first of the rows.
-    top: u32,
-    surfaces: &'x mut [Option<Seen>],
-    /// For each row of the tile a bit for each pixel whose ray is traced.
-    traced: [u32; TILE as usize],
-    work: Work,
+/// What many pixels show: see [`Frame::looks`].
+pub(crate) struct Looks<'x, 'a, R> {
+    frame: &'x Frame<'a>,
+    /// The eye ray of a pixel.
+    ray: R,
+    /// The last primitive that a ray was to meet.
+    last: Option<(u32, Target)>,
 }
 
-impl Band<'_, '_> {
-    /// Traces a tile that begins at a column. Nothing if somebody has asked for a stop.
-    fn trace(&mut self, left: u32, watch: Watch<'_>) -> Option<()> {
-        let (shader, window) = (self.shader, self.window);
-        let width = window.size.width;
-        let bottom = self.top + self.surfaces.len() as u32 / width;
-        let end = Pixel { x: (left + TILE).min(width), y: bottom };
-        self.traced = [0; TILE as usize];
-        // Through a lens, rays have no point in common.
-        let camera = &shader.scene.camera;
-        if camera.is_pinhole() {
-            let rays = camera.rays(window.whole);
-            let ray = |pixel| rays(middle(window.in_whole(pixel)));
-            for y in (self.top..bottom).step_by(BLOCK as usize) {
-                for x in (left..end.x).step_by(BLOCK as usize) {
-                    self.trace_block(Pixel { x, y }, BLOCK, end, &ray, watch)?;
-                }
-            }
-        } else {
-            for y in self.top..bottom {
-                for x in left..end.x {
-                    watch(0).then_some(())?;
-                    self.search(Pixel { x, y }, &|pixel| eye_ray(shader, window, pixel));
-                }
-            }
-        }
-        Some(())
-    }
-
-    /// Traces a square of pixels, as far as it lies before `end`.
-    ///
-    /// If the rays at its corners meet the same triangle, and nothing lies before that, rays between them need no search.
-    fn trace_block(
-        &mut self,
-        corner: Pixel,
-        side: u32,
-        end: Pixel,
-        ray: &impl Fn(Pixel) -> Ray,
-        watch: Watch<'_>,
-    ) -> Option<()> {
-        watch(0).then_some(())?;
-        let Pixel { x: left, y: top } = corner;
-        let (right, bottom) = (end.x.min(left + side), end.y.min(top + side));
-        let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| Pixel { x, y }));
-        let frustum = match side >= SMALLEST_BLOCK {
-            true => self.frustum([left, right - 1, top, bottom - 1], ray),
-            false => None,
-        };
-        if let Some(frustum) = frustum {
-            for pixel in pixels {
-                if !self.is_traced(pixel) {
-                    let ray = ray(pixel);
-                    match self.shader.scene.accel.surface_in(&frustum, &ray) {
-                        Some(surface) => self.set(pixel, Some(Seen::new(&surface))),
-                        None => self.search_along(pixel, &ray),
-                    }
-                }
-            }
-        } else if side > SMALLEST_BLOCK {
-            let half = side / 2;
-            for y in (top..bottom).step_by(half as usize) {
-                for x in (left..right).step_by(half as usize) {
-                    self.trace_block(Pixel { x, y }, half, end, ray, watch)?;
-                }
-            }
-        } else {
-            pixels.for_each(|pixel| self.search(pixel, ray));
-        }
-        Some(())
-    }
-
-    /// What holds the rays of a block, its last column and row given. Its corners are traced.
-    fn frustum(
-        &mut self,
-        [left, right, top, bottom]: [u32; 4],
-        ray: &impl Fn(Pixel) -> Ray,
-    ) -> Option<Frustum> {
-        let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
-        let corners = corners.map(|(x, y)| Pixel { x, y });
-        corners.iter().for_each(|&corner| self.search(corner, ray));
-        let [first, others @ ..] = corners.map(|corner| self.surfaces[self.index(corner)]);
-        let first = first?;
-        let is_same = |seen: Option<Seen>| seen.is_some_and(|s| s.primitive == first.primitive);
-        if left == right || top == bottom || !others.into_iter().all(is_same) {
-            return None;
-        }
-        let scene = self.shader.scene;
-        let dirs = corners.map(|corner| ray(corner).dir());
-        scene.frustum(scene.camera.origin(), dirs, &first.surface())
-    }
-
-    /// Searches for what a pixel shows, if that isn't known.
+impl<'a, R: Fn(Pixel) -> Ray> Looks<'_, 'a, R> {
+    /// [`Frame::surface`], by pixel.
     #[inline]
-    fn search(&mut self, pixel: Pixel, ray: &impl Fn(Pixel) -> Ray) {
-        if !self.is_traced(pixel) {
-            self.search_along(pixel, &ray(pixel));
+    pub(crate) fn surface(&mut self, pixel: Pixel) -> Option<Surface> {
+        match self.frame.surfaces.seen(pixel) {
+            Ok(surface) => surface,
+            Err(primitive) => self.find(primitive, &(self.ray)(pixel)),
         }
     }
 
-    fn search_along(&mut self, pixel: Pixel, ray: &Ray) {
-        let met = self.shader.eye_surface(ray, &mut self.work);
-        self.set(pixel, met.map(|surface| Seen::new(&surface)));
+    /// [`Frame::point`].
+    pub(crate) fn point(&mut self, pixel: Pixel) -> Option<ShadingPoint<'a>> {
+        let frame = self.frame;
+        let ray = (self.ray)(pixel);
+        let find = |primitive| self.find(primitive, &ray);
+        let surface = frame.surfaces.seen(pixel).unwrap_or_else(find)?;
+        Some(frame.shader.shading_point(surface, -ray.dir()))
     }
 
     #[inline]
-    fn is_traced(&self, Pixel { x, y }: Pixel) -> bool {
-        self.traced[(y - self.top) as usize] >> (x % TILE) & 1 != 0
-    }
-
-    #[inline]
-    fn set(&mut self, pixel: Pixel, seen: Option<Seen>) {
-        self.traced[(pixel.y - self.top) as usize] |= 1 << (pixel.x % TILE);
-        let index = self.index(pixel);
-        self.surfaces[index] = seen;
-    }
-
-    /// Of a pixel in the band.
-    #[inline]
-    fn index(&self, Pixel { x, y }: Pixel) -> usize {
-        (y - self.top) as usize * self.window.size.width as usize + x as usize
-    }
-}
-
-/// The middle of a pixel, in pixels from the corner of the picture.
-#[inline]
-fn middle(pixel: Pixel) -> Vec2 {
-    Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5)
-}
-
-/// The ray through the middle of a pixel, and through a lens, if there is one, where the place of the pixel tells.
-///
-/// Sobol' points in Morton order (Ahmed and Wonka 2020): any square of 2^n pixels a side, at a multiple of that, has
-/// stratified points, so the subpixels of a pixel see the whole lens, and the noise of neighbors differs.
-fn eye_ray(shader: &Shader<'_>, window: Window, pixel: Pixel) -> Ray {
-    let camera = &shader.scene.camera;
-    let (size, pixel) = (window.whole, window.in_whole(pixel));
-    let at = middle(pixel);
-    if camera.is_pinhole() {
-        return camera.ray(size, at);
-    }
-    let points = OwenSobol::new(hash_u64(shader.settings.seed, Stream::Lens as u64));
-    camera.lens_ray(size, at, points.point::<2>(morton(pixel)).into())
-}
-
-/// The number of a pixel along a curve that goes through each square of 2^n pixels a side before it goes on.
-fn morton(pixel: Pixel) -> u64 {
-    let spread = |v: u32| {
-        let mut v = u64::from(v);
-        for (shift, mask) in [
-            (16, 0x0000_ffff_0000_ffff),
-            (8, 0x00ff_00ff_00ff_00ff),
-            (4, 0x0f0f_0f0f_0f0f_0f0f),
-            (2, 0x3333_3333_3333_3333),
-            (1, 0x5555_5555_5555_5555),
-        ] {
-            v = (v | v << shift) & mask;
+    fn find(&mut self, primitive: u32, ray: &Ray) -> Option<Surface> {
+        let accel = &self.frame.shader.scene.accel;
+        if self.last.is_none_or(|(last, _)| last != primitive) {
+            self.last = Some((primitive, accel.target(primitive)?));
         }
-        v
-    };
-    spread(pixel.x) | spread(pixel.y) << 1
+        accel.surface_at(ray, &self.last.as_ref()?.1)
+    }
 }
 
 fn pixels_by_tiles(size: ImageSize) -> impl Iterator<Item = Pixel> {
@@ -554,6 +424,27 @@ mod tests {
                 let at = window.in_whole(pixel);
                 assert_eq!(bits(frame.surface(i)), one_by_one[at], "{at:?} in {part:?}");
             }
+            if scene.is_masked() {
+                continue;
+            }
+            let step = 2 + window.size.width % 2;
+            let (sketch, _) = Frame::sketch(&shader, window, step, &|_| true).unwrap();
+            let mut looks = sketch.looks();
+            for (i, pixel) in window.size.pixels().enumerate() {
+                let expected = &one_by_one[window.in_whole(pixel)];
+                let seen = [sketch.surface(i), looks.point(pixel).map(|point| point.surface)];
+                for surface in seen {
+                    assert_eq!(&bits(surface), expected, "{pixel:?} of {step} in {part:?}");
+                }
+                let material = sketch.material(i).map(|material| &material.name);
+                assert_eq!(material, frame.surface(i).map(|s| &scene.material(&s).name));
+            }
+            for step in [1, step] {
+                let (thin, expected) = (sketch.thinned(step), frame.thinned(step));
+                for i in 0..thin.size().n_pixels() {
+                    assert_eq!(bits(thin.surface(i)), bits(expected.surface(i)));
+                }
+            }
         }
         let window = Window::whole(whole);
         assert!(Frame::trace(&shader, window, &|_| false).is_err());
@@ -577,21 +468,4 @@ mod tests {
 
     const OPTIONS: scene::Options =
         scene::Options { definitions: Vec::new(), lenient: false, no_external: false };
-
-    #[test]
-    fn what_is_kept_of_a_surface_is_all_of_it() {
-        assert_eq!(size_of::<Option<Seen>>(), 52);
-        for (object, material) in [(0, 0), (7, 3), (u32::MAX - 1, u16::MAX)] {
-            let surface = Surface {
-                position: Vec3A::new(1.0, -0.0, f32::MIN_POSITIVE),
-                geometric_normal: Vec3A::X,
-                shading_normal: Vec3A::new(0.6, 0.8, 0.0),
-                material: MaterialId(material),
-                object,
-                primitive: u32::MAX,
-                error: 1e-30,
-            };
-            assert_eq!(format!("{:?}", Seen::new(&surface).surface()), format!("{surface:?}"));
-        }
-    }
 }

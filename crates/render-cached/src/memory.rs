@@ -31,10 +31,10 @@ const ADAPTIVE: u64 = 235;
 const CACHED_LIGHT: u64 = 20;
 
 /// What is left of a pixel when all are worked on after every fourth was tried.
-const TRIED: u64 = 32;
+const TRIED: u64 = 36;
 
 /// What it takes of a subpixel if it works on one of each pixel, beside what it takes of that.
-const TOLD: u64 = 132;
+const TOLD: u64 = 88;
 
 /// A block of a picture while its layers are made and packed, one for each thread: of a pixel, and of a subpixel where there
 /// are several.

@@ -254,8 +254,9 @@ fn push_surfaces(picture: &mut Picture, args: &Args, extent: &Extent, frame: &Fr
     ];
     let size = picture.size();
     let camera = &frame.shader().scene.camera;
-    let of_subpixel = |pixel: Pixel| {
-        let ShadingPoint { facing, albedo: a, .. } = frame.point(pixel)?;
+    let mut looks = frame.looks();
+    let mut of_subpixel = |pixel: Pixel| {
+        let ShadingPoint { facing, albedo: a, .. } = looks.point(pixel)?;
         let Surface { position: p, geometric_normal: n, shading_normal: ns, .. } = facing;
         let depth = camera.depth(p);
         Some([p.x, p.y, p.z, n.x, n.y, n.z, ns.x, ns.y, ns.z, a.r, a.g, a.b, depth])
@@ -263,7 +264,7 @@ fn push_surfaces(picture: &mut Picture, args: &Args, extent: &Extent, frame: &Fr
     let mut channels = NAMES.map(|_| Vec::with_capacity(size.n_pixels()));
     size.pixels().for_each(|pixel| {
         let (mut sum, mut count) = ([0.0_f32; 13], 0.0_f32);
-        for values in extent.subpixels(pixel, args.supersample).filter_map(of_subpixel) {
+        for values in extent.subpixels(pixel, args.supersample).filter_map(&mut of_subpixel) {
             sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
             count += 1.0;
         }

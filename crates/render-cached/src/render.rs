@@ -314,8 +314,12 @@ impl<'a> Job<'_, 'a> {
     ) -> anyhow::Result<(Frame<'a>, Rendered)> {
         let &Self { args, shader, of_surfaces, inputs, progress, .. } = self;
         let n_rays = extent.frame.size.n_pixels();
-        let (frame, eye_counts) =
-            progress.run("eye rays", n_rays, |watch| Frame::trace(shader, extent.frame, watch))?;
+        let (frame, eye_counts) = progress.run("eye rays", n_rays, |watch| {
+            match adaptive::thinned_by(args, n_rays, shader.scene) {
+                1 => Frame::trace(shader, extent.frame, watch),
+                step => Frame::sketch(shader, extent.frame, step, watch),
+            }
+        })?;
         tally.primary += clock.lap();
         let mut rendered = match args.mode {
             Mode::Adaptive if args.error > 0.0 => {

@@ -97,6 +97,12 @@ impl Scene {
         &self.materials[surface.material.0 as usize]
     }
 
+    /// What a triangle or sphere is made of that a surface has named.
+    #[inline]
+    pub fn material_of(&self, primitive: u32) -> &Material {
+        &self.materials[self.accel.material_of(primitive).0 as usize]
+    }
+
     /// The surface where a ray arrives, and after what distance.
     ///
     /// Surfaces of an opacity between 0 and 1 stop a ray or let it pass by chance; the bits of the ray, the place and the seed
@@ -133,13 +139,13 @@ impl Scene {
         }
     }
 
-    /// The rays from a point between four directions, one after the other around them, if surely all that meet the triangle
-    /// of a surface arrive there.
-    pub fn frustum(&self, origin: Vec3A, dirs: [Vec3A; 4], surface: &Surface) -> Option<Frustum> {
-        if self.material(surface).is_masked() {
+    /// The rays from a point between four directions, one after the other around them, if surely all that meet a triangle
+    /// arrive there.
+    pub fn frustum(&self, origin: Vec3A, dirs: [Vec3A; 4], triangle: u32) -> Option<Frustum> {
+        if self.material_of(triangle).is_masked() {
             return None;
         }
-        self.accel.frustum(origin, dirs, surface.primitive)
+        self.accel.frustum(origin, dirs, triangle)
     }
 
     /// The part of light along a ray that nothing stops: 0 or 1, unless there are surfaces of an opacity between.

@@ -9,7 +9,6 @@ use std::ops::ControlFlow;
 
 use base::{Component, Grid, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{Lattice, Layer, Reason, Rule, Tolerance, refine};
-use geometry::Surface;
 use scene::{Material, Specular, fresnel_conductor};
 use shade::ChainLeaf;
 
@@ -51,8 +50,7 @@ impl Glossy {
         let materials = &frame.shader().scene.materials;
         let mut pixels = Vec::new();
         if materials.iter().any(Material::is_rough) {
-            let is_rough = |s: &Surface| materials[s.material.0 as usize].is_rough();
-            pixels.extend(frame.pixels_that_show(is_rough));
+            pixels.extend(frame.pixels_that_show(Material::is_rough));
             pixels.extend(along_chains);
         }
         if pixels.is_empty() {

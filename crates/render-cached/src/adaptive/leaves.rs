@@ -120,9 +120,7 @@ impl Leaves {
         saved: &Saved,
         account: &mut Account<'_, '_>,
     ) -> Result<Self, Interrupted> {
-        let materials = &frame.shader().scene.materials;
-        let is_sharp = |s: &Surface| begins_sharply(&materials[s.material.0 as usize]);
-        let pixels: Vec<Pixel> = frame.pixels_that_show(is_sharp).collect();
+        let pixels: Vec<Pixel> = frame.pixels_that_show(begins_sharply).collect();
         let chains = follow(frame, &pixels, |&pixel| (pixel, true), account)?;
         let mut emitted = Grid::from_fn(frame.size(), |_| Rgb::BLACK);
         let (mut emissions, mut glossy) = (Vec::new(), Vec::new());

@@ -21,16 +21,18 @@ mod told;
 mod view;
 mod whole;
 
+use std::cell::OnceCell;
 use std::mem::take;
 
 use base::{Component, Components, Grid, Inventory, Rgb, math::FRAC_1_PI};
 use cache_map::{Reason, RecordSet};
 use cli::Clock;
 use rayon::prelude::*;
+use scene::Scene;
 
-use crate::Args;
 use crate::frame::Frame;
 use crate::render::{Progress, Rendered};
+use crate::{Args, Mode};
 
 pub(crate) use account::{Account, ErrorReport, origins};
 pub(crate) use subpixels::step as step_of_cache;
@@ -59,6 +61,15 @@ const TOO_WRONG: f64 = 2.0;
 /// How often what failed is refined again.
 const MAX_ROUNDS: usize = 4;
 
+/// Of a picture of so many subpixels the cache works on every so many, both ways; of what the others show little needs to be
+/// kept. 1 if all is to be kept.
+pub(crate) fn thinned_by(args: &Args, n_subpixels: usize, scene: &Scene) -> u32 {
+    match args.mode == Mode::Adaptive && args.error > 0.0 && !scene.is_masked() {
+        true => step_of_cache(args, n_subpixels, &scene.camera),
+        false => 1,
+    }
+}
+
 /// Renders with the error target of the command line, which is above 0.
 pub(crate) fn render(
     args: &Args,
@@ -72,13 +83,14 @@ pub(crate) fn render(
     let has_file = args.paper.save_cache.is_some() || args.paper.from_cache.is_some();
     if !has_file && !whole::cache_pays(&mut account)? {
         let (counts, cache) = account.close();
-        let mut rendered = whole::render(args, frame, clock, progress)?;
+        let mut rendered = whole::render(args, &frame.thinned(1), clock, progress)?;
         rendered.counts += counts;
         rendered.cache += cache;
         return Ok(rendered);
     }
     let fine = frame;
     let coarse = subpixels::coarse(args, fine);
+    let all = OnceCell::new();
     let mut frame = coarse.as_ref().unwrap_or(fine);
     let mut told = match &coarse {
         None => None,
@@ -98,7 +110,7 @@ pub(crate) fn render(
         if !is_too_wrong {
             break (view, primary);
         }
-        (frame, told) = (fine, None);
+        (frame, told) = (all.get_or_init(|| fine.thinned(1)), None);
     };
     let held_out = HeldOut::compute(args, &mut account)?;
     let target = f64::from(args.error);

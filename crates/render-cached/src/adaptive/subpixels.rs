@@ -396,11 +396,13 @@ impl Sweep<'_, '_> {
         let ImageSize { width, height } = frame.size();
         let scene = frame.shader().scene;
         let mut rest = Rest::default();
+        let mut looks = frame.looks();
         for x in 0..self.cells.size.width {
             let cell = self.cells.corners(Pixel { x, y });
-            let even = self.even(Pixel { x, y }, &cell);
+            let has_edge = !self.coarse.view.lattice.has_no_edge_around(Pixel { x, y });
             // Most are so: the same triangle, of one color, everywhere.
-            let plain = even.as_ref().and_then(|_| self.plain(cell[0]));
+            let plain = if has_edge { None } else { self.plain(cell[0]) };
+            let even = if has_edge { None } else { self.even(Pixel { x, y }, &cell) };
             let mut agreeing = None;
             // At the border of the picture a cell may have fewer.
             let (n_right, n_down) = (n.min(width - x * n), n.min(height - y * n));
@@ -408,16 +410,22 @@ impl Sweep<'_, '_> {
                 let pixel = Pixel { x: x * n + dx, y: y * n + dy };
                 let (index, at) = (frame.size().index(pixel), (dy * width + x * n + dx) as usize);
                 let weights = self.weights[(dy * n + dx) as usize];
-                if let (Some(even), Some((primitive, albedo))) = (&even, plain)
+                if let Some((primitive, albedo)) = plain
                     && frame.primitive(index) == primitive
                 {
-                    [values.direct[at], values.indirect[at], values.caustic[at]] =
-                        even.radiance(albedo, weights);
+                    [values.direct[at], values.indirect[at], values.caustic[at]] = match &even {
+                        Some(even) => even.radiance(albedo, weights),
+                        None => {
+                            let (seen, rest) = ((pixel, None, albedo), &mut rest);
+                            self.diffuse(seen, &cell, weights, rest).map(|found| albedo * found)
+                        }
+                    };
                     continue;
                 }
-                let Some(surface) = frame.surface(index) else { continue };
-                let material = scene.material(&surface);
-                if material.is_diffuse() {
+                let Some(material) = frame.material(index) else { continue };
+                if material.is_diffuse()
+                    && let Some(surface) = looks.surface(pixel)
+                {
                     let (site, albedo) = as_seen(&surface, frame.eye(pixel), scene);
                     let albedo = albedo * FRAC_1_PI;
                     [values.direct[at], values.indirect[at], values.caustic[at]] = match &even {
@@ -425,7 +433,7 @@ impl Sweep<'_, '_> {
                             even.radiance(albedo, weights)
                         }
                         _ => {
-                            let (seen, rest) = ((pixel, site, albedo), &mut rest);
+                            let (seen, rest) = ((pixel, Some(site), albedo), &mut rest);
                             self.diffuse(seen, &cell, weights, rest).map(|found| albedo * found)
                         }
                     }
@@ -436,7 +444,10 @@ impl Sweep<'_, '_> {
                         _ if self.follows_all => Err(None),
                         _ => {
                             let agreeing = agreeing.get_or_insert_with(|| self.agreeing(&cell));
-                            self.specular(&surface, &cell, weights, agreeing)
+                            let surface = looks.surface(pixel);
+                            surface.map_or(Err(None), |surface| {
+                                self.specular(&surface, &cell, weights, agreeing)
+                            })
                         }
                     };
                     match known {
@@ -449,13 +460,10 @@ impl Sweep<'_, '_> {
         rest
     }
 
-    /// Irradiance at the corners of a cell that show one surface far from its edges, if it is so alike that it holds everywhere
-    /// between.
+    /// Irradiance at the corners of a cell, which show one surface far from its edges, if it is so alike that it holds
+    /// everywhere between.
     fn even(&self, first: Pixel, cell: &[usize; 4]) -> Option<Even> {
         let Coarse { view, primary, finished, .. } = self.coarse;
-        if !view.lattice.has_no_edge_around(first) {
-            return None;
-        }
         let site = view.sites.values()[cell[0]]?;
         let even = Even {
             site,
@@ -475,23 +483,27 @@ impl Sweep<'_, '_> {
     /// nothing is seen in it.
     fn plain(&self, index: usize) -> Option<(u32, Rgb)> {
         let Coarse { frame, view, .. } = self.coarse;
-        let material = frame.shader().scene.material(&frame.surface(index)?);
+        let material = frame.material(index)?;
         let is_plain =
             material.is_diffuse() && !material.is_specular() && material.albedo_texture.is_none();
         is_plain.then(|| (frame.primitive(index), view.albedo(index) * FRAC_1_PI))
     }
 
-    /// Direct, indirect and caustic irradiance on a diffuse surface, as far as it is known.
+    /// Direct, indirect and caustic irradiance on a diffuse surface, as far as it is known. It needs no site where it surely is
+    /// that of the first corner, far from edges.
     fn diffuse(
         &self,
-        (pixel, site, albedo): (Pixel, SurfacePoint, Rgb),
+        (pixel, site, albedo): (Pixel, Option<SurfacePoint>, Rgb),
         cell: &[usize; 4],
         weights: [f32; 4],
         rest: &mut Rest,
     ) -> [Rgb; 3] {
         let Coarse { view, primary, finished, .. } = self.coarse;
         let sites = view.sites.values();
-        let is_shown = |i: usize| sites[i].as_ref().is_some_and(|s| same_surface(s, &site));
+        let is_shown = |i: usize| match &site {
+            Some(site) => sites[i].as_ref().is_some_and(|s| same_surface(s, site)),
+            None => true,
+        };
         // Far from edges, the first stands for the others.
         let are_shown =
             view.lattice.has_no_edge_around(view.size().pixel(cell[0])).then(|| is_shown(cell[0]));
