@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use base::{Ray, Rgb, Rng, Stream, hash_u64};
+use base::{Ray, Rgb, Rng, Stream};
 use geometry::Surface;
 use scene::{Material, SpecularBounce, Transport};
 
 use crate::glossy::Chosen;
-use crate::{PixelStream, Shader, ShadingPoint, Work};
+use crate::{Path, PixelStream, Shader, ShadingPoint, Work};
 
 /// Branches that carry less than this are followed by chance, with their weight raised in return. A ray costs little, and
 /// one that finds a lamp by chance is a bright dot: so this is small.
@@ -19,7 +19,7 @@ const SHADE_ALWAYS: f32 = 0.02;
 
 /// Branches that carry less than this from sharp surfaces on are faint, and so is all that follows them: a reflection head on
 /// from the outside of glass isn't, a second one within it is. There are as many of them as of the others.
-const FAINT: f32 = 0.008;
+const FAINT: f32 = 0.01;
 
 /// The longest chain. Only surfaces that lose nothing make such; they are counted.
 const MAX_LENGTH: u32 = 128;
@@ -38,9 +38,8 @@ pub struct ChainLeaf<'a> {
     pub weight: Rgb,
     /// The stream for shading it.
     pub stream: PixelStream,
-    /// A digest of the reflections and transmissions on the way. Of the leaves of a pixel that aren't glossy no two share
-    /// it.
-    pub path: u64,
+    /// The way to it. Of the leaves of a pixel that aren't glossy no two share it.
+    pub path: Path,
     /// Whether a rough surface lies on the way: then it is one of many, each by chance.
     pub is_glossy: bool,
     /// Whether so little comes this way that it is part of what [`Shader::chain`] calls faint.
@@ -58,10 +57,17 @@ pub struct ChainEmission {
 
 /// Which branches are followed, and what is asked of them.
 #[derive(Clone, Copy)]
-struct Follow {
-    is_lit: bool,
+pub(crate) struct Follow<'x> {
+    /// Whether anyone asks for the light of emitters.
+    pub(crate) is_lit: bool,
     with_faint: bool,
+    /// What comes by some paths, which aren't followed.
+    known: &'x [(Path, Rgb)],
+    /// The only path to be followed, to its end, whatever chance would do.
+    only: Option<Path>,
 }
+
+const ALL: Follow<'_> = Follow { is_lit: true, with_faint: true, known: &[], only: None };
 
 /// A ray yet to be followed.
 struct Branch<'a> {
@@ -80,19 +86,19 @@ pub(crate) struct Origin<'a> {
     pub(crate) is_glossy: bool,
     pub(crate) is_faint: bool,
     pub(crate) length: u32,
-    pub(crate) path: u64,
+    pub(crate) path: Path,
 }
 
 /// The chains of a pixel that are being followed.
-pub(crate) struct Chains<'a> {
+pub(crate) struct Chains<'a, 'x> {
     pub(crate) rng: Rng,
-    /// Whether anyone asks for the light of emitters.
-    pub(crate) is_lit: bool,
-    with_faint: bool,
+    pub(crate) follow: Follow<'x>,
+    /// What comes by branches that weren't followed because it is known.
+    known: Rgb,
     branches: Vec<Branch<'a>>,
 }
 
-impl<'a> Chains<'a> {
+impl<'a> Chains<'a, '_> {
     /// Adds a branch, unless it carries so little that chance ends it.
     pub(crate) fn push(
         &mut self,
@@ -103,7 +109,16 @@ impl<'a> Chains<'a> {
     ) {
         let mut weight = from.weight * bounce.weight;
         let is_faint = from.is_faint || !from.is_glossy && weight.max_channel() < FAINT;
-        if is_faint && !self.with_faint {
+        let Follow { with_faint, known, only, .. } = self.follow;
+        if is_faint && !with_faint {
+            return;
+        }
+        let path = from.path.beyond(bounce.transmitted);
+        if let Some((_, radiance)) = known.iter().find(|known| known.0 == path) {
+            self.known += *radiance;
+            return;
+        }
+        if only.is_some_and(|only| !only.may_begin_with(path)) {
             return;
         }
         if from.is_glossy && from.length >= CERTAIN_LENGTH {
@@ -112,15 +127,17 @@ impl<'a> Chains<'a> {
             }
             weight = weight / GO_ON;
         }
-        let Some(weight) = keep(weight, weight.max_channel(), FOLLOW_ALWAYS, &mut self.rng) else {
-            return;
-        };
+        if only.is_none() {
+            let size = weight.max_channel();
+            let Some(kept) = keep(weight, size, FOLLOW_ALWAYS, &mut self.rng) else { return };
+            weight = kept;
+        }
         let from = Origin {
             weight,
             medium: at.medium_beyond(bounce.transmitted, from.medium),
             is_faint,
             length: from.length + 1,
-            path: hash_u64(from.path, u64::from(bounce.transmitted)),
+            path,
             ..*from
         };
         let ray = Ray::unbounded(at.surface.leave(bounce.dir), bounce.dir);
@@ -138,21 +155,23 @@ impl<'a> Shader<'a> {
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> ChainEmission {
-        self.follow(at, stream, Follow { is_lit: true, with_faint: true }, work, |leaf, work| {
+        self.follow(at, stream, ALL, work, |leaf, work| {
             arrive(leaf, work);
             ControlFlow::Continue(())
         })
     }
 
-    /// The same without the branches that carry little, and those that follow them.
+    /// The same without the branches that carry little, and those that follow them. Nor are `known` paths followed, by each of
+    /// which so much comes.
     pub fn bright_chain(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
+        known: &[(Path, Rgb)],
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> Rgb {
-        let follow = Follow { is_lit: true, with_faint: false };
+        let follow = Follow { with_faint: false, known, ..ALL };
         let emission = self.follow(at, stream, follow, work, |leaf, work| {
             arrive(leaf, work);
             ControlFlow::Continue(())
@@ -168,22 +187,47 @@ impl<'a> Shader<'a> {
         work: &mut Work,
         arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) {
-        self.follow(at, stream, Follow { is_lit: false, with_faint: true }, work, arrive);
+        self.follow(at, stream, Follow { is_lit: false, ..ALL }, work, arrive);
+    }
+
+    /// The surface at the end of a path that has no rough surfaces on it, which [`Shader::chain`] has come to; without the
+    /// weight that chance gave it.
+    pub fn chain_end(
+        &self,
+        at: &ShadingPoint<'a>,
+        stream: PixelStream,
+        path: Path,
+        work: &mut Work,
+    ) -> Option<ChainLeaf<'a>> {
+        let mut end = None;
+        // Of a path whose way isn't told all branches are followed, and chance must do what it did.
+        let only = path.is_told().then_some(path);
+        let follow = Follow { is_lit: false, only, ..ALL };
+        self.follow(at, stream, follow, work, |leaf, _| {
+            if leaf.path != path || leaf.is_glossy {
+                return ControlFlow::Continue(());
+            }
+            let stream = stream.part(path.number());
+            end = Some(ChainLeaf { stream, ..leaf });
+            ControlFlow::Break(())
+        });
+        end
     }
 
     fn follow(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
-        Follow { is_lit, with_faint }: Follow,
+        follow: Follow<'_>,
         work: &mut Work,
         mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work) -> ControlFlow<()>,
     ) -> ChainEmission {
         let rng = Rng::new(self.settings.seed, Stream::Chain, stream.0);
-        let mut chains = Chains { rng, is_lit, with_faint, branches: Vec::new() };
+        let mut chains = Chains { rng, follow, known: Rgb::BLACK, branches: Vec::new() };
         let mut n_leaves = 0;
         let (weight, medium, is_glossy, is_faint) = (Rgb::ONE, None, false, false);
-        let eye = Origin { weight, medium, stream, is_glossy, is_faint, length: 0, path: 0 };
+        let eye =
+            Origin { weight, medium, stream, is_glossy, is_faint, length: 0, path: Path::EYE };
         let all = self.scatter(at, eye, &mut chains, work);
         let mut emission = ChainEmission { all, faint: Rgb::BLACK };
         while let Some(Branch { ray, mut from, chosen }) = chains.branches.pop() {
@@ -214,7 +258,8 @@ impl<'a> Shader<'a> {
             }
             if point.material.is_diffuse() {
                 let size = (from.weight * point.albedo).max_channel();
-                if let Some(weight) = keep(from.weight, size, SHADE_ALWAYS, &mut chains.rng) {
+                let shade_always = if follow.only.is_some() { 0.0 } else { SHADE_ALWAYS };
+                if let Some(weight) = keep(from.weight, size, shade_always, &mut chains.rng) {
                     let Origin { stream, path, is_glossy, is_faint, .. } = from;
                     let leaf = ChainLeaf { point, weight, stream, path, is_glossy, is_faint };
                     if arrive(leaf, work).is_break() {
@@ -228,6 +273,7 @@ impl<'a> Shader<'a> {
                 work.counts.chains_cut += 1;
             }
         }
+        emission.all += chains.known;
         emission
     }
 
@@ -236,7 +282,7 @@ impl<'a> Shader<'a> {
         &self,
         at: &ShadingPoint<'a>,
         from: Origin<'a>,
-        chains: &mut Chains<'a>,
+        chains: &mut Chains<'a, '_>,
         work: &mut Work,
     ) -> Rgb {
         if let Some(lobe) = at.material.lobe(&at.surface, at.w_o, Transport::Radiance) {

@@ -70,7 +70,7 @@ impl<'a> Shader<'a> {
         lobe: &Lobe,
         at: &ShadingPoint<'a>,
         from: Origin<'a>,
-        chains: &mut Chains<'a>,
+        chains: &mut Chains<'a, '_>,
         work: &mut Work,
     ) -> Rgb {
         let is_first = !from.is_glossy;
@@ -84,7 +84,7 @@ impl<'a> Shader<'a> {
             chains.push(at, &shared, sample.into(), Some(chosen));
         }
         let mut sum = Rgb::BLACK;
-        if is_first && chains.is_lit {
+        if is_first && chains.follow.is_lit {
             for &(light, _) in &self.light_shares.delta {
                 sum += self.shine(light, 1.0, n, Vec2::ZERO, lobe, at, &from, work);
             }
@@ -101,7 +101,7 @@ impl<'a> Shader<'a> {
                 if let Some((light, p)) = choose(shares, &mut chains.rng) {
                     let u = chains.rng.next_2d();
                     // What is drawn is the same, whoever asks.
-                    if chains.is_lit {
+                    if chains.follow.is_lit {
                         sum += self.shine(light, p, n, u, lobe, at, &from, work);
                     }
                 }

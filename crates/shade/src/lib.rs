@@ -12,6 +12,7 @@ mod glossy;
 mod indirect;
 mod irradiance_points;
 mod lights;
+mod path;
 mod point;
 mod shader;
 mod specular;
@@ -20,6 +21,7 @@ mod work;
 
 pub use chain::{ChainEmission, ChainLeaf};
 pub use irradiance_points::{GatherPhotons, GatherPlace, IrradianceAhead};
+pub use path::Path;
 pub use point::{PixelStream, ShadingPoint};
 pub use shader::{Settings, Shader};
 pub use work::{Counts, Work};

@@ -7,7 +7,6 @@
 mod between;
 
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 
 use base::{Component, Grid, ImageSize, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{
@@ -18,7 +17,7 @@ use geometry::Surface;
 use glam::Vec2;
 use rayon::prelude::*;
 use scene::Material;
-use shade::{ChainEmission, ChainLeaf, Work};
+use shade::{ChainEmission, ChainLeaf, Path, Work};
 
 use super::around::{Around, Known};
 use super::caustic::Caustic;
@@ -28,7 +27,7 @@ use super::records::{CLOSE, Place, Saved, Source};
 use super::{Account, View};
 use crate::frame::Frame;
 
-pub(super) use between::ByPixel;
+pub(super) use between::{ByPixel, Chain};
 
 /// The widest spacing in the picture of a path.
 const COARSEST: u32 = 8;
@@ -46,7 +45,7 @@ const TOGETHER: usize = 16;
 /// again by their pixel and path, so that this is small.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
-    path: u64,
+    path: Path,
     pixel: u32,
     is_faint: bool,
     /// What is left on the way to the eye, times albedo over pi.
@@ -55,19 +54,14 @@ struct Leaf {
 }
 
 impl Leaf {
-    /// Follows the chain again to its end, for so many shadow rays to each light.
+    /// Follows the path again to its end, for so many shadow rays to each light.
     fn irradiance(&self, frame: &Frame<'_>, rays: u32, work: &mut Work) -> Rgb {
         let shader = frame.shader();
         frame.at(frame.size().pixel(self.pixel as usize), work, |point, stream, work| {
-            let mut irradiance = Rgb::BLACK;
-            shader.chain_ends(point, stream, work, |leaf, work| {
-                if leaf.path == self.path && !leaf.is_glossy {
-                    irradiance = shader.irradiance(&leaf.point.facing, leaf.stream, rays, work);
-                    return ControlFlow::Break(());
-                }
-                ControlFlow::Continue(())
-            });
-            irradiance
+            let end = shader.chain_end(point, stream, self.path, work);
+            end.map_or(Rgb::BLACK, |leaf| {
+                shader.irradiance(&leaf.point.facing, leaf.stream, rays, work)
+            })
         })
     }
 }
@@ -121,7 +115,7 @@ impl Leaves {
         account: &mut Account<'_, '_>,
     ) -> Result<Self, Interrupted> {
         let pixels: Vec<Pixel> = frame.pixels_that_show(begins_sharply).collect();
-        let chains = follow(frame, &pixels, |&pixel| (pixel, true), account)?;
+        let chains = follow(frame, &pixels, |&pixel| (pixel, None), account)?;
         let mut emitted = Grid::from_fn(frame.size(), |_| Rgb::BLACK);
         let (mut emissions, mut glossy) = (Vec::new(), Vec::new());
         for &(pixel, emission, is_glossy) in chains.iter().flat_map(|c| &c.0) {
@@ -270,11 +264,12 @@ pub(super) fn begins_sharply(material: &Material) -> bool {
 /// Some pixels with what surfaces emit along their chains and whether these have glossy ends, and the other ends.
 type Chains = (Vec<(Pixel, ChainEmission, bool)>, Vec<Leaf>);
 
-/// Follows the chains of some pixels, in groups: `of` tells the pixel, and whether with the branches that carry little.
-fn follow<T: Sync>(
+/// Follows the chains of some pixels, in groups: `of` tells the pixel, and, if the branches that carry little aren't to be
+/// followed, what is known of others.
+fn follow<'k, T: Sync>(
     frame: &Frame<'_>,
     items: &[T],
-    of: impl Fn(&T) -> (Pixel, bool) + Sync,
+    of: impl Fn(&T) -> (Pixel, Option<&'k [(Path, Rgb)]>) + Sync,
     account: &mut Account<'_, '_>,
 ) -> Result<Vec<Chains>, Interrupted> {
     let (size, shader) = (frame.size(), frame.shader());
@@ -282,7 +277,7 @@ fn follow<T: Sync>(
     let groups: Vec<&[T]> = items.chunks(TOGETHER).collect();
     account.fleeting(Component::Specular, &groups, |group, work| {
         let (mut shown, mut leaves) = (Vec::with_capacity(group.len()), Vec::new());
-        for (pixel, with_faint) in group.iter().map(&of) {
+        for (pixel, known) in group.iter().map(&of) {
             let mut is_glossy = false;
             let mut arrive = |leaf: ChainLeaf<'_>| {
                 is_glossy |= leaf.is_glossy;
@@ -293,10 +288,11 @@ fn follow<T: Sync>(
                     leaves.push(Leaf { path, pixel, is_faint, weight, site });
                 }
             };
-            let emission = frame.at(pixel, work, |point, stream, work| match with_faint {
-                true => shader.chain(point, stream, work, |leaf, _| arrive(leaf)),
-                false => {
-                    let all = shader.bright_chain(point, stream, work, |leaf, _| arrive(leaf));
+            let emission = frame.at(pixel, work, |point, stream, work| match known {
+                None => shader.chain(point, stream, work, |leaf, _| arrive(leaf)),
+                Some(known) => {
+                    let arrive = |leaf: ChainLeaf<'_>, _: &mut Work| arrive(leaf);
+                    let all = shader.bright_chain(point, stream, known, work, arrive);
                     ChainEmission { all, faint: Rgb::BLACK }
                 }
             });

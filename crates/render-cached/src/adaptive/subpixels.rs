@@ -6,6 +6,8 @@
 //! much, in the borders of sharp shadows and of what mirrors and glass show, or show other surfaces, it is computed. So the cost of
 //! light hardly grows with their number.
 
+use std::ops::Range;
+
 use base::{
     Component, Components, Grid, ImageSize, Interrupted, Pixel, Rgb, Watch, math::FRAC_1_PI,
 };
@@ -14,10 +16,11 @@ use geometry::Surface;
 use glam::Vec3A;
 use rayon::prelude::*;
 use scene::{Camera, Light};
+use shade::Path;
 
 use super::direct::Lack;
 use super::glossy::Glossy;
-use super::leaves::{ByPixel, Finished, Leaves, begins_sharply, site_of};
+use super::leaves::{ByPixel, Chain, Finished, Leaves, begins_sharply, site_of};
 use super::primary::Primary;
 use super::strictness::Strictness;
 use super::view::as_seen;
@@ -136,6 +139,11 @@ impl Corners {
         (corners.n > 0).then_some(corners)
     }
 
+    /// The first of them.
+    pub(super) fn first(&self) -> usize {
+        self.at[0]
+    }
+
     pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
         self.at[..self.n].iter().copied().zip(self.weights)
     }
@@ -164,8 +172,9 @@ struct Rest {
     /// Caustics differ too much.
     caustic: Vec<Pixel>,
     /// Chains differ.
-    /// Of most it is known what comes by branches that carry little.
-    chains: Vec<(Pixel, Option<Rgb>)>,
+    chains: Vec<Chain>,
+    /// Of their paths, what comes by some.
+    known: Vec<(Path, Rgb)>,
 }
 
 impl Rest {
@@ -173,7 +182,12 @@ impl Rest {
         self.alone.append(&mut later.alone);
         self.lights.append(&mut later.lights);
         self.caustic.append(&mut later.caustic);
-        self.chains.append(&mut later.chains);
+        let n = self.known.len();
+        let moved = |Range { start, end }: Range<usize>| start + n..end + n;
+        self.chains.extend(
+            later.chains.into_iter().map(|chain| Chain { known: moved(chain.known), ..chain }),
+        );
+        self.known.append(&mut later.known);
         self
     }
 }
@@ -232,7 +246,7 @@ pub(super) fn render(
     };
     let n_rows = view.size().height as usize;
     let rest = account.watched(n_rows, |watch| sweep.all(&mut values, watch))?;
-    let Rest { alone, lights, caustic, chains } = rest;
+    let Rest { alone, lights, caustic, chains, known } = rest;
     let (reasons, levels) = history;
     let mut reasons = Components::from_fn(|component| spread(&reasons[component], cells, size));
     let mut levels = Components::from_fn(|component| spread(&levels[component], cells, size));
@@ -286,10 +300,10 @@ pub(super) fn render(
 
     let tolerance = scaled(strictness.tolerance(Component::Specular), of_ends);
     let followed =
-        specular.between(by_pixel, &chains, cells, view, finished, tolerance, account)?;
+        specular.between(by_pixel, &chains, &known, cells, view, finished, tolerance, account)?;
     let first = |&Pixel { x, y }: &Pixel| Pixel { x: x * cells.n, y: y * cells.n };
     let mut glossy: Vec<Pixel> = specular.glossy_pixels().iter().map(first).collect();
-    for (&(pixel, _), followed) in chains.iter().zip(followed) {
+    for (&Chain { pixel, .. }, followed) in chains.iter().zip(followed) {
         let i = size.index(pixel);
         (values.specular[i], reasons.specular[i]) = (followed.radiance, followed.reason);
         glossy.extend(followed.is_glossy.then_some(pixel));
@@ -439,20 +453,24 @@ impl Sweep<'_, '_> {
                     }
                 }
                 if begins_sharply(material) {
-                    let known = match (dx, dy) {
+                    let first = rest.known.len();
+                    let radiance = match (dx, dy) {
                         (0, 0) => Ok(self.specular.radiance(cell[0])),
                         _ if self.follows_all => Err(None),
                         _ => {
                             let agreeing = agreeing.get_or_insert_with(|| self.agreeing(&cell));
                             let surface = looks.surface(pixel);
                             surface.map_or(Err(None), |surface| {
-                                self.specular(&surface, &cell, weights, agreeing)
+                                self.specular(&surface, &cell, weights, agreeing, &mut rest.known)
                             })
                         }
                     };
-                    match known {
+                    match radiance {
                         Ok(radiance) => values.specular[at] = radiance,
-                        Err(faint) => rest.chains.push((pixel, faint)),
+                        Err(faint) => {
+                            let known = first..rest.known.len();
+                            rest.chains.push(Chain { pixel, faint, known });
+                        }
                     }
                 }
             }
@@ -539,13 +557,14 @@ impl Sweep<'_, '_> {
     }
 
     /// What a surface that begins chains shows, if all corners that count are `agreeing`; if not, what of it comes by branches
-    /// that carry little, where the surface is seen around, too.
+    /// that carry little, where the surface is seen around, too, and adds what comes by paths on which the corners agree.
     fn specular(
         &self,
         surface: &Surface,
         cell: &[usize; 4],
         weights: [f32; 4],
         agreeing: &[bool; 4],
+        known: &mut Vec<(Path, Rgb)>,
     ) -> Result<Rgb, Option<Rgb>> {
         let site = site_of(surface);
         let is_shown = |i: usize| {
@@ -559,11 +578,17 @@ impl Sweep<'_, '_> {
         let Some(corners) = Corners::new(cell, weights, is_shown) else { return Err(None) };
         let radiance = corners.blend(|i| self.specular.radiance(i));
         let span = corners.span(|i| self.specular.radiance(i));
-        let limit = self.tolerance.edge * (self.coarse.finished.floor + radiance.luminance());
+        let shown = self.coarse.finished.floor + radiance.luminance();
+        let limit = self.tolerance.edge * shown;
         let agree = agreeing.iter().zip(weights).all(|(&agrees, weight)| agrees || weight == 0.0);
-        match agree && corners.is_whole && span <= limit {
-            true => Ok(radiance),
-            false => Err(Some(corners.blend(|i| self.by_pixel.faint(i)))),
+        if agree && corners.is_whole && span <= limit {
+            return Ok(radiance);
         }
+        if corners.is_whole {
+            let (by_pixel, tolerance) = (self.by_pixel, self.tolerance.error);
+            self.specular.tell(by_pixel, &self.emitters, tolerance, &corners, limit, known);
+        }
+        let has_highlight = corners.iter().any(|(i, _)| self.by_pixel.has_highlight(i, shown));
+        Err((!has_highlight).then(|| corners.blend(|i| self.by_pixel.faint(i))))
     }
 }

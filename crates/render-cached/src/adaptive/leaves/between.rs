@@ -1,13 +1,15 @@
 //! Chains of subpixels between the pixels whose chains were followed.
 
+use std::ops::{ControlFlow, Range};
+
 use base::{Interrupted, Pixel, Rgb};
 use cache_map::{Reason, Records, Rule, Tolerance, same_surface};
 use glam::Vec3A;
-use shade::ChainEmission;
+use shade::{ChainEmission, Path};
 
 use super::{Ends, Finished, Leaf, LeafRule, Leaves, follow, look_up};
 use crate::adaptive::records::Saved;
-use crate::adaptive::subpixels::Cells;
+use crate::adaptive::subpixels::{Cells, Corners};
 use crate::adaptive::{Account, View};
 
 /// What each pixel shows by chains, once all is known.
@@ -17,6 +19,8 @@ pub(crate) struct ByPixel {
     leaves: Vec<u32>,
     /// Radiance by branches that carry little.
     faint: Vec<Rgb>,
+    /// Luminance of the brightest emitters that a pixel, or one beside it, shows by such branches.
+    highlight: Vec<f32>,
     /// Whether the other branches show what emits.
     is_lit: Vec<bool>,
     /// Whether a pixel has glossy ends, too; empty if none has.
@@ -33,9 +37,25 @@ impl ByPixel {
         self.faint[pixel]
     }
 
+    /// Whether a pixel, or one beside it, shows emitters by branches that carry little, so that they are seen beside so much
+    /// luminance. Such a highlight is often smaller than a pixel, and no pixel tells of it.
+    pub(crate) fn has_highlight(&self, pixel: usize, shown: f32) -> bool {
+        self.highlight[pixel] > HIGHLIGHT * shown
+    }
+
     pub(crate) fn has_glossy(&self, pixel: usize) -> bool {
         self.is_glossy.get(pixel) == Some(&true)
     }
+}
+
+/// The chains of a subpixel that are to be followed.
+#[derive(Clone, Debug)]
+pub(crate) struct Chain {
+    pub(crate) pixel: Pixel,
+    /// What comes by branches that carry little, if that is known.
+    pub(crate) faint: Option<Rgb>,
+    /// Of all paths of which is known what comes by them, its own.
+    pub(crate) known: Range<usize>,
 }
 
 /// What a pixel shows whose chains were followed.
@@ -49,6 +69,9 @@ pub(crate) struct Followed {
 
 /// The fewest shadow rays of an end, if there are so many.
 const FEWEST_RAYS: u32 = 16;
+
+/// Emitters that are so much of what a pixel shows are seen.
+const HIGHLIGHT: f32 = 0.1;
 
 /// Ends of the same path that lie far apart may bring as different radiance as so many times the tolerance: what lies between
 /// is wrong by a part of that.
@@ -82,12 +105,22 @@ impl Leaves {
             let i = self.emitted.size().index(pixel);
             (faint[i], is_lit[i]) = (part, all != part);
         }
+        let mut highlight = vec![0.0_f32; n_pixels];
+        let size = self.emitted.size();
+        for &(Pixel { x, y }, ChainEmission { faint: part, .. }) in &self.emissions {
+            for y in y.saturating_sub(1)..(y + 2).min(size.height) {
+                for x in x.saturating_sub(1)..(x + 2).min(size.width) {
+                    let brightest = &mut highlight[size.index(Pixel { x, y })];
+                    *brightest = brightest.max(part.luminance());
+                }
+            }
+        }
         for (leaf, &irradiance) in self.leaves.iter().zip(&self.irradiance) {
             if leaf.is_faint {
                 faint[leaf.pixel as usize] += leaf.weight * irradiance;
             }
         }
-        ByPixel { first, leaves, faint, is_lit, is_glossy }
+        ByPixel { first, leaves, faint, highlight, is_lit, is_glossy }
     }
 
     /// Whether the chains of two pixels go the same ways to the same surfaces and bring the same from there, to this part of what
@@ -101,28 +134,97 @@ impl Leaves {
         a: usize,
         b: usize,
     ) -> bool {
-        if by_pixel.is_lit[a] || by_pixel.is_lit[b] {
+        let shown = self.radiance[a].luminance();
+        let is_lit = |i: usize| by_pixel.is_lit[i] || by_pixel.has_highlight(i, shown);
+        if is_lit(a) || is_lit(b) {
             return false;
         }
+        let mut agree = true;
+        self.compare(by_pixel, emitters, tolerance, a, b, |_, is_little| {
+            agree = is_little;
+            if agree { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
+        agree
+    }
+
+    /// What comes by some paths where the corners around a subpixel agree on these, and others alone differ.
+    ///
+    /// Paths that begin as any does of which the corners differ, or that some of them lack, aren't told: where they part, the
+    /// subpixel may see a lamp that no corner sees. Nor does radiance that differs by more than `most`.
+    pub(crate) fn tell(
+        &self,
+        by_pixel: &ByPixel,
+        emitters: &[(Vec3A, f32)],
+        tolerance: f32,
+        corners: &Corners,
+        most: f32,
+        known: &mut Vec<(Path, Rgb)>,
+    ) {
+        if corners.iter().any(|(i, _)| by_pixel.is_lit[i]) {
+            return;
+        }
+        let mut differing = Vec::new();
+        let first = corners.first();
+        for (other, _) in corners.iter().skip(1) {
+            self.compare(by_pixel, emitters, tolerance, first, other, |path, _| {
+                differing.push(path);
+                ControlFlow::Continue(())
+            });
+        }
+        let bright = |pixel: usize| {
+            let all = by_pixel.of(pixel).iter().map(|&i| i as usize);
+            all.filter(|&i| !self.leaves[i].is_faint)
+        };
+        let begin = known.len();
+        for i in bright(first) {
+            let Some(start) = self.leaves[i].path.apart_from(&differing) else { continue };
+            if known[begin..].iter().any(|known| known.0 == start) {
+                continue;
+            }
+            let brought = |pixel: usize| -> Rgb {
+                let all = bright(pixel).filter(|&i| self.leaves[i].path.may_begin_with(start));
+                all.map(|i| self.leaves[i].weight * self.irradiance[i]).sum()
+            };
+            if corners.span(brought) <= most {
+                known.push((start, corners.blend(brought)));
+            }
+        }
+    }
+
+    /// Calls `differ` for the paths of two pixels by which not the same comes from the same surfaces, and of those that one of
+    /// them lacks, until it has seen enough. It is told whether little comes that way.
+    fn compare(
+        &self,
+        by_pixel: &ByPixel,
+        emitters: &[(Vec3A, f32)],
+        tolerance: f32,
+        a: usize,
+        b: usize,
+        mut differ: impl FnMut(Path, bool) -> ControlFlow<()>,
+    ) {
+        // Those that carry little are none of the branches in question.
+        let mut lacks = |(leaf, radiance): (&Leaf, f32), most: f32| match leaf.is_faint {
+            true => ControlFlow::Continue(()),
+            false => differ(leaf.path, radiance <= most),
+        };
         let most = tolerance * self.radiance[a].luminance();
         let reach = self.around.reach();
         let brought = |&i: &u32| {
             let leaf = &self.leaves[i as usize];
             (leaf, (leaf.weight * self.irradiance[i as usize]).luminance())
         };
-        let is_little = |(leaf, radiance): &(&Leaf, f32)| leaf.is_faint || *radiance <= most;
         let mut others = by_pixel.of(b).iter().map(brought).peekable();
         for one in by_pixel.of(a).iter().map(brought) {
             while let Some(other) = others.next_if(|other| other.0.path < one.0.path) {
-                if !is_little(&other) {
-                    return false;
+                if lacks(other, most).is_break() {
+                    return;
                 }
             }
             let Some(other) = others.next_if(|other| other.0.path == one.0.path) else {
-                if is_little(&one) {
-                    continue;
+                if lacks(one, most).is_break() {
+                    return;
                 }
-                return false;
+                continue;
             };
             let ((leaf, radiance), (other, other_radiance)) = (one, other);
             let (p, q) = (leaf.site.position.into(), other.site.position.into());
@@ -134,15 +236,21 @@ impl Leaves {
                 && radiance.max(other_radiance) > most
                 || apart > reach && (radiance - other_radiance).abs() > FAR_APART * most;
             let is_bright = !(leaf.is_faint && other.is_faint);
-            if differs || is_bright && emitters.iter().any(is_near) {
-                return false;
+            if (differs || is_bright && emitters.iter().any(is_near))
+                && lacks((leaf, f32::INFINITY), most).is_break()
+            {
+                return;
             }
         }
-        others.all(|other| is_little(&other))
+        for other in others {
+            if lacks(other, most).is_break() {
+                return;
+            }
+        }
     }
 
-    /// Follows the chains of subpixels between the pixels that these leaves are of; what comes by branches that carry little is
-    /// known of most. What isn't in view is told by the ends of the
+    /// Follows the chains of subpixels between the pixels that these leaves are of, but by paths of which it is known what comes
+    /// by them. What isn't in view is told by the ends of the
     /// same path around, by all ends that were computed before, or computed.
     #[expect(
         clippy::too_many_arguments,
@@ -151,7 +259,8 @@ impl Leaves {
     pub(crate) fn between(
         &mut self,
         by_pixel: &ByPixel,
-        pixels: &[(Pixel, Option<Rgb>)],
+        pixels: &[Chain],
+        known: &[(Path, Rgb)],
         cells: Cells,
         view: &View,
         finished: &Finished,
@@ -160,19 +269,24 @@ impl Leaves {
     ) -> Result<Vec<Followed>, Interrupted> {
         let frame = account.frame;
         let size = frame.size();
-        let chains = follow(frame, pixels, |&(pixel, faint)| (pixel, faint.is_none()), account)?;
+        let chains = follow(
+            frame,
+            pixels,
+            |chain| (chain.pixel, chain.faint.is_some().then(|| &known[chain.known.clone()])),
+            account,
+        )?;
         let ends = || chains.iter().flat_map(|c| &c.1);
         let leaves: Vec<Leaf> = ends().copied().collect();
         let found = account.overhead(&leaves, |leaf, _| look_up(&leaf.site, view, finished))?;
-        let mut known = vec![0.0; size.n_pixels()];
+        let mut of_pixel = vec![0.0; size.n_pixels()];
         let emissions = || chains.iter().flat_map(|c| &c.0).zip(pixels);
-        for ((pixel, emission, _), (_, faint)) in emissions() {
-            known[size.index(*pixel)] = (emission.all + faint.unwrap_or_default()).luminance();
+        for ((pixel, emission, _), Chain { faint, .. }) in emissions() {
+            of_pixel[size.index(*pixel)] = (emission.all + faint.unwrap_or_default()).luminance();
         }
         for (leaf, found) in leaves.iter().zip(&found) {
-            known[leaf.pixel as usize] += found.map_or(0.0, |e| (leaf.weight * e).luminance());
+            of_pixel[leaf.pixel as usize] += found.map_or(0.0, |e| (leaf.weight * e).luminance());
         }
-        let rule = LeafRule::new(&leaves, &known, view, finished);
+        let rule = LeafRule::new(&leaves, &of_pixel, view, finished);
         let tell = |i: usize| {
             let leaf = &leaves[i];
             let same = |pixel: usize| {
@@ -211,7 +325,7 @@ impl Leaves {
             (irradiance[i], reasons[i]) = (value, reason.unwrap_or(Reason::NoNeighbours));
         }
         let mut all = leaves.iter().zip(irradiance).zip(reasons).peekable();
-        let followed = emissions().map(|(&(pixel, emission, is_glossy), (_, faint))| {
+        let followed = emissions().map(|(&(pixel, emission, is_glossy), Chain { faint, .. })| {
             let pixel = size.index(pixel) as u32;
             let radiance = emission.all + faint.unwrap_or_default();
             let mut shown = Followed { radiance, reason: Reason::Interpolated, is_glossy };
