@@ -331,3 +331,104 @@ fn keep(weight: Rgb, size: f32, large_enough: f32, rng: &mut Rng) -> Option<Rgb>
     let p = size / large_enough;
     (rng.next_f32() < p).then(|| weight / p)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path as FilePath;
+
+    use base::ImageSize;
+    use glam::Vec2;
+    use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet};
+    use scene::Scene;
+
+    use super::*;
+    use crate::Settings;
+
+    /// Calls `check` for pixels that show the rabbit of glass.
+    fn each_pixel_of_glass(
+        mut check: impl FnMut(&Shader<'_>, &ShadingPoint<'_>, PixelStream, &mut Work),
+    ) {
+        let file = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/rabbit/scene.toml");
+        let options =
+            scene::Options { definitions: Vec::new(), lenient: false, no_external: false };
+        let scene = Scene::assemble(scene::load_parts(&file, &options).expect("a scene").0);
+        let maps = PhotonMaps {
+            metadata: Metadata::default(),
+            direct: None,
+            caustic: PhotonSet::build(&[]),
+            indirect: PhotonSet::build(&[]),
+            focused: None,
+        };
+        let gather = Gather { k: 1, max_radius: 1.0, kernel: Kernel::Cone };
+        let settings =
+            Settings { shadow_rays: 1, glossy_rays: 1, indirect: gather, caustic: gather, seed: 7 };
+        let shader = Shader::new(&scene, &maps, settings);
+        let size = ImageSize { width: 60, height: 60 };
+        let (mut work, mut n) = (Work::default(), 0);
+        for (i, pixel) in size.pixels().enumerate() {
+            let at = Vec2::new(pixel.x as f32, pixel.y as f32) + 0.5;
+            let Some(point) = shader.eye_point(&scene.camera.ray(size, at), &mut work) else {
+                continue;
+            };
+            if point.material.is_specular() {
+                check(&shader, &point, PixelStream(i as u64), &mut work);
+                n += 1;
+            }
+        }
+        assert!(n > 100, "{n} pixels");
+    }
+
+    #[test]
+    fn known_paths_are_not_followed() {
+        // Whether ends that carry less are shaded is up to chance.
+        let is_sure = |leaf: &ChainLeaf<'_>| {
+            (leaf.weight * leaf.point.albedo).max_channel() > 1.001 * SHADE_ALWAYS
+        };
+        let mut n_told = 0;
+        each_pixel_of_glass(|shader, point, stream, work| {
+            let mut leaves = Vec::new();
+            let before = work.counts.specular_rays;
+            let emitted = shader.bright_chain(point, stream, &[], work, |l, _| leaves.push(l));
+            let n_rays = work.counts.specular_rays - before;
+            for leaf in &leaves {
+                let others = leaves.iter().map(|leaf| leaf.path).filter(|&p| p != leaf.path);
+                let others: Vec<Path> = others.collect();
+                let Some(start) = leaf.path.apart_from(&others) else { continue };
+                let known = [(start, Rgb::splat(1000.0))];
+                let mut rest = Vec::new();
+                let before = work.counts.specular_rays;
+                let more = shader.bright_chain(point, stream, &known, work, |l, _| rest.push(l));
+                assert!(work.counts.specular_rays - before < n_rays, "{start:?}");
+                assert!((1000.0..=1000.01 + emitted.r).contains(&more.r), "{more:?} {emitted:?}");
+                let paths = |all: &[ChainLeaf<'_>]| -> Vec<Path> {
+                    let other = |l: &&ChainLeaf<'_>| is_sure(l) && !l.path.may_begin_with(start);
+                    all.iter().filter(other).map(|leaf| leaf.path).collect()
+                };
+                assert_eq!(paths(&rest), paths(&leaves));
+                assert!(!rest.iter().any(|leaf| leaf.path.may_begin_with(start)));
+                n_told += 1;
+            }
+        });
+        assert!(n_told > 300, "{n_told}");
+    }
+
+    #[test]
+    fn the_end_of_a_path_is_found_by_it() {
+        let (mut n_ends, mut n_all, mut n_found) = (0, 0, 0);
+        each_pixel_of_glass(|shader, point, stream, work| {
+            let mut leaves = Vec::new();
+            let before = work.counts.specular_rays;
+            shader.chain(point, stream, work, |leaf, _| leaves.push(leaf));
+            let n_rays = work.counts.specular_rays - before;
+            for leaf in &leaves {
+                let before = work.counts.specular_rays;
+                let end = shader.chain_end(point, stream, leaf.path, work).expect("an end");
+                assert_eq!(format!("{:?}", end.point.surface), format!("{:?}", leaf.point.surface));
+                n_found += work.counts.specular_rays - before;
+                n_all += n_rays;
+                n_ends += 1;
+            }
+        });
+        assert!(n_ends > 500 && 2 * n_found < n_all, "{n_ends} ends by {n_found} rays of {n_all}");
+    }
+}

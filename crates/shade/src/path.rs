@@ -32,7 +32,7 @@ impl Path {
     }
 
     /// Whether it is short enough for its beginning to be told.
-    pub(crate) fn is_told(self) -> bool {
+    pub fn is_told(self) -> bool {
         self.length().is_some()
     }
 

@@ -139,12 +139,11 @@ impl Leaves {
         if is_lit(a) || is_lit(b) {
             return false;
         }
-        let mut agree = true;
-        self.compare(by_pixel, emitters, tolerance, a, b, |_, is_little| {
-            agree = is_little;
-            if agree { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        });
-        agree
+        let differ = |_, is_little| match is_little {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        };
+        self.compare(by_pixel, emitters, tolerance, a, b, differ).is_continue()
     }
 
     /// What comes by some paths where the corners around a subpixel agree on these, and others alone differ.
@@ -163,18 +162,23 @@ impl Leaves {
         if corners.iter().any(|(i, _)| by_pixel.is_lit[i]) {
             return;
         }
-        let mut differing = Vec::new();
-        let first = corners.first();
-        for (other, _) in corners.iter().skip(1) {
-            self.compare(by_pixel, emitters, tolerance, first, other, |path, _| {
-                differing.push(path);
-                ControlFlow::Continue(())
-            });
-        }
         let bright = |pixel: usize| {
             let all = by_pixel.of(pixel).iter().map(|&i| i as usize);
             all.filter(|&i| !self.leaves[i].is_faint)
         };
+        let is_told = |i: usize| self.leaves[i].path.is_told();
+        if !corners.iter().all(|(pixel, _)| bright(pixel).all(is_told)) {
+            return;
+        }
+        let mut differing = Vec::new();
+        let first = corners.first();
+        for (other, _) in corners.iter().skip(1) {
+            let differ = |path, _| {
+                differing.push(path);
+                ControlFlow::Continue(())
+            };
+            let _ = self.compare(by_pixel, emitters, tolerance, first, other, differ);
+        }
         let begin = known.len();
         for i in bright(first) {
             let Some(start) = self.leaves[i].path.apart_from(&differing) else { continue };
@@ -191,8 +195,8 @@ impl Leaves {
         }
     }
 
-    /// Calls `differ` for the paths of two pixels by which not the same comes from the same surfaces, and of those that one of
-    /// them lacks, until it has seen enough. It is told whether little comes that way.
+    /// Calls `differ` for the paths of two pixels by which not the same comes from the same surfaces, or that one of them lacks,
+    /// until it has seen enough. It is told whether so little comes by a path that is lacking that this doesn't matter.
     fn compare(
         &self,
         by_pixel: &ByPixel,
@@ -201,28 +205,27 @@ impl Leaves {
         a: usize,
         b: usize,
         mut differ: impl FnMut(Path, bool) -> ControlFlow<()>,
-    ) {
-        // Those that carry little are none of the branches in question.
-        let mut lacks = |(leaf, radiance): (&Leaf, f32), most: f32| match leaf.is_faint {
-            true => ControlFlow::Continue(()),
-            false => differ(leaf.path, radiance <= most),
-        };
+    ) -> ControlFlow<()> {
         let most = tolerance * self.radiance[a].luminance();
         let reach = self.around.reach();
         let brought = |&i: &u32| {
             let leaf = &self.leaves[i as usize];
             (leaf, (leaf.weight * self.irradiance[i as usize]).luminance())
         };
+        // Whether there is an end of a branch that carries little is up to chance.
+        let lacks = |(leaf, radiance): (&Leaf, f32)| {
+            (!leaf.is_faint).then_some((leaf.path, radiance <= most))
+        };
         let mut others = by_pixel.of(b).iter().map(brought).peekable();
         for one in by_pixel.of(a).iter().map(brought) {
             while let Some(other) = others.next_if(|other| other.0.path < one.0.path) {
-                if lacks(other, most).is_break() {
-                    return;
+                if let Some((path, is_little)) = lacks(other) {
+                    differ(path, is_little)?;
                 }
             }
             let Some(other) = others.next_if(|other| other.0.path == one.0.path) else {
-                if lacks(one, most).is_break() {
-                    return;
+                if let Some((path, is_little)) = lacks(one) {
+                    differ(path, is_little)?;
                 }
                 continue;
             };
@@ -236,17 +239,11 @@ impl Leaves {
                 && radiance.max(other_radiance) > most
                 || apart > reach && (radiance - other_radiance).abs() > FAR_APART * most;
             let is_bright = !(leaf.is_faint && other.is_faint);
-            if (differs || is_bright && emitters.iter().any(is_near))
-                && lacks((leaf, f32::INFINITY), most).is_break()
-            {
-                return;
+            if differs || is_bright && emitters.iter().any(is_near) {
+                differ(leaf.path, false)?;
             }
         }
-        for other in others {
-            if lacks(other, most).is_break() {
-                return;
-            }
-        }
+        others.filter_map(lacks).try_for_each(|(path, is_little)| differ(path, is_little))
     }
 
     /// Follows the chains of subpixels between the pixels that these leaves are of, but by paths of which it is known what comes
