@@ -94,6 +94,7 @@ impl<'a> Frame<'a> {
     /// Every `step`-th pixel, both ways, from the first on, with all of its surface: a smaller picture of the same.
     pub(crate) fn thinned(&self, step: u32) -> Self {
         let surfaces = match &self.surfaces {
+            Surfaces::Kept(surfaces) if step == 1 => Surfaces::Kept(surfaces.clone()),
             Surfaces::Named { some: Some((every, surfaces)), .. } if *every == step => {
                 Surfaces::Kept(surfaces.clone())
             }
