@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn rays_in_a_frustum_meet_what_a_search_finds() {
         let mut rng = Rng::new(0, Stream::Test, 0);
-        let (mut n_clear, mut n_blocked, mut n_filled, mut n_rays) = (0, 0, 0, 0);
+        let (mut n_clear, mut n_blocked, mut n_filled, mut n_beside, mut n_rays) = (0, 0, 0, 0, 0);
         for round in 0..600 {
             let mut mesh = Mesh::default();
             // Walls, some of them seen at a low angle, some smooth, and clutter all around.
@@ -190,9 +190,14 @@ mod tests {
                     n_rays += 1;
                 }
                 // Rays beyond the sides are none of the frustum's.
-                for ray in block(eye.into(), forward, width * 3.0 + 1e-3) {
-                    if let Some(surface) = accel.surface_in(&frustum, &ray) {
-                        let (expected, _) = accel.closest_surface(&ray).expect("a surface");
+                let wide = block(eye.into(), forward, width * 3.0 + 1e-3);
+                if CORNERS.iter().any(|&i| accel.surface_on(&wide[i], triangle).is_none()) {
+                    assert!(!frustum.fills(CORNERS.map(|i| wide[i].dir())), "round {round}");
+                    n_beside += 1;
+                }
+                for ray in &wide {
+                    if let Some(surface) = accel.surface_in(&frustum, ray) {
+                        let (expected, _) = accel.closest_surface(ray).expect("a surface");
                         assert_eq!(bits(&surface), bits(&expected), "round {round}, {ray:?}");
                     }
                 }
@@ -200,6 +205,7 @@ mod tests {
         }
         assert!(n_clear > 3000 && n_blocked > 100, "{n_clear} clear, {n_blocked} blocked");
         assert!(n_filled > n_clear * 9 / 10, "{n_filled} of {n_clear} filled");
+        assert!(n_beside > 100, "{n_beside} reach beyond the triangle");
         assert!(n_rays > n_clear * 70, "{n_rays} rays in {n_clear} frusta");
     }
 
