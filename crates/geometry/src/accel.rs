@@ -11,13 +11,11 @@ use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
 
 use crate::frustum::Facet;
+use crate::node::{self, MAX_PRIMITIVES_PER_LEAF, Node};
 use crate::primitive::{Primitive, Shape, ShearedRay};
 use crate::shaft::Shaft;
-use crate::traverse::Query;
+use crate::traverse::{Query, SlabRay};
 use crate::{Bounds, Frustum, MaterialId, Mesh, Patch, Sphere, Surface};
-
-/// As many as a leaf of the compressed BVH can hold.
-const MAX_PRIMITIVES_PER_LEAF: u32 = 3;
 
 /// The nearest place where a ray meets a surface; [`Accel::surface`] tells what is there.
 #[derive(Clone, Copy, Debug)]
@@ -29,10 +27,11 @@ pub struct Hit {
 
 /// All surfaces of a scene, ready for rays.
 ///
-/// Inside, the scene is scaled by a power of two to a size of about 4096: obvhs skips boxes that end within 1e-4 of
-/// the ray's origin, which at this size is below the resolution of single precision. Powers of two change no digit.
+/// Inside, the scene is scaled by a power of two to a size of about 4096, so that products of lengths stay in the range of single
+/// precision. Powers of two change no digit.
 pub struct Accel {
-    bvh: CwBvh,
+    /// The first is the root; none if there is nothing.
+    nodes: Vec<Node>,
     /// In the order of the leaves, in scaled units.
     primitives: Vec<Primitive>,
     /// Material and object of each triangle, then of each sphere.
@@ -56,7 +55,7 @@ impl std::fmt::Debug for Accel {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Accel")
             .field("primitives", &self.primitives.len())
-            .field("nodes", &self.bvh.nodes.len())
+            .field("nodes", &self.nodes.len())
             .field("bounds", &self.bounds)
             .finish_non_exhaustive()
     }
@@ -135,12 +134,11 @@ impl Accel {
         let margin = diagonal * 2.0_f32.powi(-20) + largest * 2.0_f32.powi(-22);
         let mut boxes = Vec::with_capacity(n_all);
         boxes.extend((0..n_all).map(|i| BoundedPrimitive(primitive(i).aabb(margin))));
-        let mut bvh = build_bvh(boxes);
+        let bvh = build_bvh(boxes);
         let mut primitives = Vec::with_capacity(n_all);
         primitives.extend(bvh.primitive_indices.iter().map(|&i| primitive(i as usize)));
-        // Our leaves hold the primitives themselves.
-        bvh.primitive_indices = Vec::new();
-        bvh.nodes.shrink_to_fit();
+        let nodes = node::expand(&bvh);
+        drop(bvh);
         let (normals, uvs) = (
             of_corners(meshes, |m| &m.normals, Vec3::ZERO),
             of_corners(meshes, |m| &m.uvs, Vec2::NAN),
@@ -148,7 +146,7 @@ impl Accel {
         let (center, radius) = (center.into(), 0.5 * diagonal);
         let rotations = spheres.iter().map(|s| s.rotation).collect();
         Self {
-            bvh,
+            nodes,
             primitives,
             owners,
             n_triangles,
@@ -186,40 +184,22 @@ impl Accel {
         // What rounding in single precision may hide.
         let doubt = (self.center.abs().max_element() + 2.0 * self.radius) * 2.0_f32.powi(-18);
         let mut left: Vec<u32> = Vec::with_capacity(64);
-        left.extend((!self.bvh.nodes.is_empty()).then_some(0));
+        left.extend((!self.nodes.is_empty()).then_some(0));
         while let Some(index) = left.pop() {
-            let node = &self.bvh.nodes[index as usize];
-            let extent = node.compute_extent();
-            let planes = |bytes: [u8; 8], axis: usize| {
-                bytes.map(|byte| node.p[axis] + f32::from(byte) * extent[axis])
-            };
-            let min = [
-                planes(node.child_min_x, 0),
-                planes(node.child_min_y, 1),
-                planes(node.child_min_z, 2),
-            ];
-            let max = [
-                planes(node.child_max_x, 0),
-                planes(node.child_max_y, 1),
-                planes(node.child_max_z, 2),
-            ];
-            let mut inner = node.child_base_idx;
-            for (slot, may_hold) in shaft.may_hold(min, max, doubt).into_iter().enumerate() {
-                let meta = u32::from(node.child_meta[slot]);
-                if node.imask >> slot & 1 != 0 {
-                    if may_hold {
-                        left.push(inner);
-                    }
-                    inner += 1;
-                } else if may_hold && meta != 0 {
-                    let first = node.primitive_base_idx + (meta & 31);
-                    let is_in = |slot: u32| {
-                        Some(slot) != except
-                            && shaft.may_hold_primitive(&self.primitives[slot as usize])
-                    };
-                    if (first..first + (meta >> 5).count_ones()).any(is_in) {
-                        return false;
-                    }
+            let node = &self.nodes[index as usize];
+            let may_hold = shaft.may_hold(&node.min, &node.max, doubt);
+            for (&child, _) in node.children.iter().zip(may_hold).filter(|&(_, may_hold)| may_hold)
+            {
+                if child.n_primitives() == 0 {
+                    left.push(child.index());
+                    continue;
+                }
+                let is_in = |slot: u32| {
+                    Some(slot) != except
+                        && shaft.may_hold_primitive(&self.primitives[slot as usize])
+                };
+                if child.primitives().any(is_in) {
+                    return false;
                 }
             }
         }
@@ -230,7 +210,7 @@ impl Accel {
     fn query(&self, ray: &Ray) -> Query<'_> {
         let skipped = self.skipped(ray);
         Query {
-            bvh: &self.bvh,
+            nodes: &self.nodes,
             primitives: &self.primitives,
             slab: self.slab_ray(ray, skipped),
             sheared: self.sheared(ray),
@@ -260,13 +240,13 @@ impl Accel {
 
     /// The ray that boxes are tested against, in scaled units.
     #[inline]
-    fn slab_ray(&self, ray: &Ray, skipped: f64) -> obvhs::ray::Ray {
+    fn slab_ray(&self, ray: &Ray, skipped: f64) -> SlabRay {
         let (mut origin, mut t_max) = (ray.origin() * self.scale, ray.t_max() * self.scale);
         if skipped > 0.0 {
             origin = (origin.as_dvec3() + ray.dir().as_dvec3() * skipped).as_vec3a();
             t_max = (f64::from(t_max) - skipped) as f32;
         }
-        obvhs::ray::Ray::new(origin, ray.dir(), 0.0, t_max)
+        SlabRay::new(origin, ray.dir(), t_max)
     }
 
     /// What lies at a hit of `ray`.
@@ -573,7 +553,7 @@ mod tests {
         let one = build(1);
         for n_threads in [2, 3] {
             let more = build(n_threads);
-            assert!(one.bvh.nodes == more.bvh.nodes, "nodes of {n_threads} threads");
+            assert!(one.nodes == more.nodes, "nodes of {n_threads} threads");
             let order =
                 |accel: &Accel| accel.primitives.iter().map(Primitive::corners).collect::<Vec<_>>();
             assert_eq!(order(&one), order(&more));

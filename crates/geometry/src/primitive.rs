@@ -18,7 +18,7 @@ const SPHERE: u32 = 1 << 31;
 
 impl Primitive {
     pub(crate) fn triangle([a, b, c]: [Vec3; 3], id: u32) -> Self {
-        assert!(id & SPHERE == 0, "at most 2^31 triangles");
+        assert!(id & SPHERE == 0, "more than `MAX_PRIMITIVES`");
         Self {
             coordinates: [
                 Vec4::new(a.x, b.x, c.x, f32::from_bits(id)),

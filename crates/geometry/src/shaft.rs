@@ -153,7 +153,12 @@ impl Shaft {
     }
 
     /// For each of eight boxes whether it may reach into the shaft.
-    pub(crate) fn may_hold(&self, min: [[f32; 8]; 3], max: [[f32; 8]; 3], doubt: f32) -> [bool; 8] {
+    pub(crate) fn may_hold(
+        &self,
+        min: &[[f32; 8]; 3],
+        max: &[[f32; 8]; 3],
+        doubt: f32,
+    ) -> [bool; 8] {
         let mut may = [true; 8];
         for Side { normal, offset } in &self.planes[..self.n] {
             let normal = normal.as_vec3();

@@ -1,6 +1,6 @@
 //! Checks that concern the scene as a whole.
 
-use geometry::{Bounds, MaterialId, Mesh, Sphere};
+use geometry::{Bounds, MAX_PRIMITIVES, MaterialId, Mesh, Sphere};
 
 use super::assembly::Assembly;
 use super::enclosure::dark_enclosure;
@@ -33,8 +33,11 @@ pub(super) fn finish(
         return Err(source.fault_of_whole(fault));
     }
     let n_triangles: usize = meshes.iter().map(|(_, mesh)| mesh.triangles.len()).sum();
-    if n_triangles >= 1 << 31 {
-        let fault = format!("{n_triangles} triangles are too many; use less than 2^31");
+    let n_primitives = n_triangles + spheres.len();
+    if n_primitives > MAX_PRIMITIVES {
+        let fault = format!(
+            "{n_primitives} triangles and spheres are too many; use at most {MAX_PRIMITIVES}"
+        );
         return Err(source.fault_of_whole(fault));
     }
     if let Some((n, i)) = largest_stack(meshes.iter().map(|(_, mesh)| mesh))
