@@ -12,7 +12,7 @@ use obvhs::ploc::PlocBuilder;
 
 use crate::frustum::Facet;
 use crate::node::{self, MAX_PRIMITIVES_PER_LEAF, Node};
-use crate::primitive::{Primitive, Shape, ShearedRay};
+use crate::primitive::{Owner, Primitive, Shape, ShearedRay};
 use crate::shaft::Shaft;
 use crate::traverse::{Query, SlabRay};
 use crate::{Bounds, Frustum, MaterialId, Mesh, Patch, Sphere, Surface};
@@ -34,13 +34,9 @@ pub struct Accel {
     nodes: Vec<Node>,
     /// In the order of the leaves, in scaled units.
     primitives: Vec<Primitive>,
-    /// Material and object of each triangle, then of each sphere.
-    owners: Vec<(MaterialId, u32)>,
-    n_triangles: u32,
-    /// Shading normals of the corners of each triangle; empty when no mesh has any.
+    /// Shading normals of the corners of each, as the primitives lie; empty when no mesh has any.
     normals: Vec<[Vec3; 3]>,
-    /// Texture coordinates of the corners of each triangle, not a number in meshes that have none; empty when no mesh has
-    /// any.
+    /// Texture coordinates of the corners of each, likewise, not a number in meshes that have none; empty when no mesh has any.
     uvs: Vec<[Vec2; 3]>,
     /// How each sphere is turned.
     rotations: Vec<Quat>,
@@ -68,7 +64,7 @@ pub struct Target(Kind);
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Triangle(Facet),
-    Sphere { slot: u32, id: u32, center: DVec3, radius: f64 },
+    Sphere { slot: u32, owner: Owner, center: DVec3, radius: f64 },
 }
 
 struct BoundedPrimitive(Aabb);
@@ -105,21 +101,26 @@ impl Accel {
         let mut firsts = Vec::with_capacity(meshes.len());
         for (object, mesh) in meshes.iter().enumerate() {
             firsts.push(owners.len());
-            owners.extend(mesh.materials.iter().map(|&material| (material, object as u32)));
+            let object = object as u32;
+            owners.extend(mesh.materials.iter().map(|&material| Owner { material, object }));
         }
-        let n_triangles = owners.len() as u32;
         for (i, s) in spheres.iter().enumerate() {
-            owners.push((s.material, (meshes.len() + i) as u32));
+            owners.push(Owner { material: s.material, object: (meshes.len() + i) as u32 });
         }
-        let primitive = |i: usize| match i.checked_sub(n_triangles as usize) {
-            None => {
-                let object = owners[i].1 as usize;
-                let corners = meshes[object].corners(i - firsts[object]);
-                Primitive::triangle(corners.map(|p| p * scale), i as u32)
+        let part = |i: usize| -> Part<'_> {
+            let object = owners[i].object as usize;
+            match meshes.get(object) {
+                Some(mesh) => Ok((mesh, i - firsts[object])),
+                None => Err(object - meshes.len()),
             }
-            Some(i) => {
-                let sphere = &spheres[i];
-                Primitive::sphere(sphere.center * scale, sphere.radius * scale, i as u32)
+        };
+        let primitive = |i: usize| match part(i) {
+            Ok((mesh, i_in_mesh)) => {
+                Primitive::triangle(mesh.corners(i_in_mesh).map(|p| p * scale), owners[i])
+            }
+            Err(number) => {
+                let Sphere { center, radius, .. } = &spheres[number];
+                Primitive::sphere(*center * scale, radius * scale, number as u32, owners[i])
             }
         };
 
@@ -134,30 +135,18 @@ impl Accel {
         let margin = diagonal * 2.0_f32.powi(-20) + largest * 2.0_f32.powi(-22);
         let mut boxes = Vec::with_capacity(n_all);
         boxes.extend((0..n_all).map(|i| BoundedPrimitive(primitive(i).aabb(margin))));
-        let bvh = build_bvh(boxes);
-        let mut primitives = Vec::with_capacity(n_all);
-        primitives.extend(bvh.primitive_indices.iter().map(|&i| primitive(i as usize)));
+        let mut bvh = build_bvh(boxes);
         let nodes = node::expand(&bvh);
-        drop(bvh);
-        let (normals, uvs) = (
-            of_corners(meshes, |m| &m.normals, Vec3::ZERO),
-            of_corners(meshes, |m| &m.uvs, Vec2::NAN),
-        );
+        bvh.nodes = Vec::new();
+        let slots = || bvh.primitive_indices.iter().map(|&i| i as usize);
+        let mut primitives = Vec::with_capacity(n_all);
+        primitives.extend(slots().map(primitive));
+        let parts = || slots().map(part);
+        let normals = of_corners(meshes, parts(), |m| &m.normals, Vec3::ZERO);
+        let uvs = of_corners(meshes, parts(), |m| &m.uvs, Vec2::NAN);
         let (center, radius) = (center.into(), 0.5 * diagonal);
         let rotations = spheres.iter().map(|s| s.rotation).collect();
-        Self {
-            nodes,
-            primitives,
-            owners,
-            n_triangles,
-            normals,
-            uvs,
-            rotations,
-            scale,
-            center,
-            radius,
-            bounds,
-        }
+        Self { nodes, primitives, normals, uvs, rotations, scale, center, radius, bounds }
     }
 
     /// The nearest surface that the ray meets.
@@ -289,24 +278,17 @@ impl Accel {
     /// What a primitive that a surface has named is made of.
     #[inline]
     pub fn material_of(&self, primitive: u32) -> MaterialId {
-        let owner = match self.primitives[primitive as usize].shape() {
-            Shape::Triangle { id } => id,
-            Shape::Sphere { id, .. } => self.n_triangles + id,
-        };
-        self.owners[owner as usize].0
+        self.primitives[primitive as usize].owner().material
     }
 
     #[inline(always)]
     fn target_of(&self, slot: u32) -> Target {
         let primitive = &self.primitives[slot as usize];
         Target(match primitive.shape() {
-            Shape::Triangle { id } => {
-                let [a, b, c] = primitive.corners();
-                let corners = [a.as_dvec3(), b.as_dvec3(), c.as_dvec3()];
-                Kind::Triangle(Facet::new(corners, id, slot))
-            }
-            Shape::Sphere { id, center, radius } => {
-                Kind::Sphere { slot, id, center: center.as_dvec3(), radius: radius.into() }
+            Shape::Triangle => Kind::Triangle(Facet::new(slot, primitive)),
+            Shape::Sphere { center, radius, .. } => {
+                let owner = primitive.owner();
+                Kind::Sphere { slot, owner, center: center.as_dvec3(), radius: radius.into() }
             }
         })
     }
@@ -319,11 +301,10 @@ impl Accel {
                 let weights = ray.weights(facet.corners);
                 (self.on_facet(facet, weights), weights.cmpge(DVec3::ZERO).all())
             }
-            &Kind::Sphere { slot, id, center, radius } => {
+            &Kind::Sphere { slot, owner, center, radius } => {
                 let t = ray.sphere(center, radius);
                 let normal = (ray.at(t) - center).normalize();
                 let largest = center.abs() + radius;
-                let owner = self.owners[(self.n_triangles + id) as usize];
                 let surface = self.at(center + normal * radius, normal, largest, owner);
                 (Surface { primitive: slot, ..surface }, t > 0.0 && t.is_finite())
             }
@@ -333,10 +314,10 @@ impl Accel {
     /// The surface of a triangle at the place of these weights.
     #[inline(always)]
     fn on_facet(&self, facet: &Facet, weights: DVec3) -> Surface {
-        let &Facet { id, slot, corners: [a, b, c], normal, largest } = facet;
+        let &Facet { slot, owner, corners: [a, b, c], normal, largest } = facet;
         let position = a * weights.x + b * weights.y + c * weights.z;
-        let surface = self.at(position, normal, largest, self.owners[id as usize]);
-        let shading_normal = self.shading_normal(id, weights.as_vec3(), surface.geometric_normal);
+        let surface = self.at(position, normal, largest, owner);
+        let shading_normal = self.shading_normal(slot, weights.as_vec3(), surface.geometric_normal);
         Surface { shading_normal, primitive: slot, ..surface }
     }
 
@@ -344,8 +325,8 @@ impl Accel {
     /// meet it before anything else.
     pub fn frustum(&self, origin: Vec3A, dirs: [Vec3A; 4], triangle: u32) -> Option<Frustum> {
         let primitive = self.primitives.get(triangle as usize)?;
-        let Shape::Triangle { id } = primitive.shape() else { return None };
-        let facet = Facet::new(primitive.corners().map(Vec3::as_dvec3), id, triangle);
+        let Shape::Triangle = primitive.shape() else { return None };
+        let facet = Facet::new(triangle, primitive);
         let origin = origin * self.scale;
         let (shaft, sides) =
             Shaft::between(origin.as_dvec3(), dirs.map(Vec3A::as_dvec3), &facet.corners)?;
@@ -367,8 +348,8 @@ impl Accel {
         let primitive = &self.primitives[surface.primitive as usize];
         let position = (surface.position * self.scale).as_dvec3();
         match primitive.shape() {
-            Shape::Triangle { id } => {
-                let [u, v, w] = *self.uvs.get(id as usize)?;
+            Shape::Triangle => {
+                let [u, v, w] = *self.uvs.get(surface.primitive as usize)?;
                 let [a, b, c] = primitive.corners().map(|p| p.as_dvec3() - position);
                 let normal = (b - a).cross(c - a);
                 // Weights by area: of the point, not of the ray, which by now has gone.
@@ -379,9 +360,9 @@ impl Accel {
                 let uv = u * weights.x + v * weights.y + w * weights.z;
                 uv.is_finite().then_some(uv)
             }
-            Shape::Sphere { id, center, .. } => {
+            Shape::Sphere { number, center, .. } => {
                 let out = (position - center.as_dvec3()).as_vec3().normalize();
-                Some(sphere_uv(self.rotations[id as usize], out))
+                Some(sphere_uv(self.rotations[number as usize], out))
             }
         }
     }
@@ -389,13 +370,7 @@ impl Accel {
     /// A point in scaled units, with its normal for both purposes. No part of the surface lies farther from the origin
     /// than `largest`.
     #[inline(always)]
-    fn at(
-        &self,
-        position: DVec3,
-        normal: DVec3,
-        largest: DVec3,
-        owner: (MaterialId, u32),
-    ) -> Surface {
+    fn at(&self, position: DVec3, normal: DVec3, largest: DVec3, owner: Owner) -> Surface {
         let inverse_scale = 1.0 / self.scale;
         let position = position.as_vec3a();
         let geometric_normal = normal.as_vec3a();
@@ -406,16 +381,16 @@ impl Accel {
             position: position * inverse_scale,
             geometric_normal,
             shading_normal: geometric_normal,
-            material: owner.0,
-            object: owner.1,
+            material: owner.material,
+            object: owner.object,
             primitive: 0,
             error: geometric_normal.abs().dot(rounding) * inverse_scale,
         }
     }
 
     #[inline]
-    fn shading_normal(&self, triangle: u32, weights: Vec3, geometric_normal: Vec3A) -> Vec3A {
-        let Some([a, b, c]) = self.normals.get(triangle as usize) else { return geometric_normal };
+    fn shading_normal(&self, slot: u32, weights: Vec3, geometric_normal: Vec3A) -> Vec3A {
+        let Some([a, b, c]) = self.normals.get(slot as usize) else { return geometric_normal };
         let n = Vec3A::from(*a * weights.x + *b * weights.y + *c * weights.z);
         let n = n * n.dot(geometric_normal).signum();
         // Interpolated normals that lie in the surface or vanish are of no use.
@@ -429,7 +404,7 @@ impl Accel {
 
     /// The corners of all triangles, in world space, in no order that means anything.
     pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
-        let is_triangle = |p: &&Primitive| matches!(p.shape(), Shape::Triangle { .. });
+        let is_triangle = |p: &&Primitive| matches!(p.shape(), Shape::Triangle);
         let to_world = 1.0 / self.scale;
         let triangles = self.primitives.iter().filter(is_triangle);
         triangles.map(move |p| p.corners().map(|corner| corner * to_world))
@@ -450,24 +425,27 @@ pub fn sphere_uv(rotation: Quat, out: Vec3) -> Vec2 {
     Vec2::new(if turn < 0.0 { turn + 1.0 } else { turn }, 1.0 - down)
 }
 
-/// Something that meshes have at each position or not at all, at the corners of each triangle; empty when no mesh has it.
-fn of_corners<T: Copy>(
+/// A triangle of a mesh, or the number of a sphere.
+type Part<'a> = Result<(&'a Mesh, usize), usize>;
+
+/// Something that meshes have at each position or not at all, at the corners of the triangles among some parts; empty when no mesh
+/// has it.
+fn of_corners<'a, T: Copy>(
     meshes: &[Mesh],
-    values: impl Fn(&Mesh) -> &Vec<T>,
+    parts: impl Iterator<Item = Part<'a>>,
+    values: impl Fn(&Mesh) -> &[T],
     without: T,
 ) -> Vec<[T; 3]> {
     if meshes.iter().all(|mesh| values(mesh).is_empty()) {
         return Vec::new();
     }
-    let mut corners = Vec::with_capacity(meshes.iter().map(|mesh| mesh.triangles.len()).sum());
-    for mesh in meshes {
-        let values = values(mesh);
-        corners.extend(mesh.triangles.iter().map(|indices| match values.is_empty() {
-            true => [without; 3],
-            false => indices.map(|i| values[i as usize]),
-        }));
-    }
-    corners
+    let corners = |part: Part<'_>| match part {
+        Ok((mesh, i)) if !values(mesh).is_empty() => {
+            mesh.triangles[i].map(|corner| values(mesh)[corner as usize])
+        }
+        _ => [without; 3],
+    };
+    parts.map(corners).collect()
 }
 
 /// What obvhs's `build_cwbvh` does, but for its checks in debug builds: they allow rounding of 1e-5, whatever the size of

@@ -1,9 +1,9 @@
 //! Rays from one point that meet one triangle, and nothing before it (Reshetov, Soupikov and Hurley 2005, "Multi-Level Ray
 //! Tracing Algorithm").
 
-use glam::{DVec3, Vec3A, Vec4};
+use glam::{DVec3, Vec3, Vec3A, Vec4};
 
-use crate::primitive::ShearedRay;
+use crate::primitive::{Owner, Primitive, ShearedRay};
 
 /// How far beyond the sides of a frustum a unit direction may point, so that rounding puts no ray out that lies between its
 /// corners.
@@ -25,8 +25,8 @@ pub struct Frustum {
 /// What is the same at all points of a triangle, in scaled units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facet {
-    pub(crate) id: u32,
     pub(crate) slot: u32,
+    pub(crate) owner: Owner,
     pub(crate) corners: [DVec3; 3],
     /// Unit normal.
     pub(crate) normal: DVec3,
@@ -36,10 +36,12 @@ pub(crate) struct Facet {
 
 impl Facet {
     #[inline(always)]
-    pub(crate) fn new(corners: [DVec3; 3], id: u32, slot: u32) -> Self {
+    pub(crate) fn new(slot: u32, primitive: &Primitive) -> Self {
+        let corners = primitive.corners().map(Vec3::as_dvec3);
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a).normalize();
-        Self { id, slot, corners, normal, largest: a.abs().max(b.abs()).max(c.abs()) }
+        let owner = primitive.owner();
+        Self { slot, owner, corners, normal, largest: a.abs().max(b.abs()).max(c.abs()) }
     }
 }
 

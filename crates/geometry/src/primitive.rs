@@ -3,11 +3,14 @@
 use glam::{BVec4A, DVec3, Vec3, Vec3A, Vec4, Vec4Swizzles};
 use obvhs::aabb::Aabb;
 
+use crate::MaterialId;
+
 /// A triangle or a sphere, as the traversal meets it.
 ///
-/// The first three lanes of each vector are one coordinate of the corners. The bits of the last lane of x are the id,
-/// its highest bit marks a sphere; of that the first lane is the center, and the second lane of x the radius. Each has a line of
-/// the cache of its own: fetching them is an eighth of the time of rays through large meshes.
+/// The first three lanes of each vector are one coordinate of the corners. The bits of the last lane of x tell a sphere by
+/// their highest, and which of the spheres it is; of that the first lane is the center, and the second lane of x the radius. Those
+/// of the last lanes of y and z are the object and the material. Each has a line of the cache of its own: fetching them is an
+/// eighth of the time of rays through large meshes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Primitive {
@@ -17,29 +20,29 @@ pub(crate) struct Primitive {
 const SPHERE: u32 = 1 << 31;
 
 impl Primitive {
-    pub(crate) fn triangle([a, b, c]: [Vec3; 3], id: u32) -> Self {
-        assert!(id & SPHERE == 0, "more than `MAX_PRIMITIVES`");
-        Self {
-            coordinates: [
-                Vec4::new(a.x, b.x, c.x, f32::from_bits(id)),
-                Vec4::new(a.y, b.y, c.y, 0.0),
-                Vec4::new(a.z, b.z, c.z, 0.0),
-            ],
-        }
+    pub(crate) fn triangle([a, b, c]: [Vec3; 3], owner: Owner) -> Self {
+        Self::new([a.x, b.x, c.x], [a.y, b.y, c.y], [a.z, b.z, c.z], 0, owner)
     }
 
-    pub(crate) fn sphere(center: Vec3, radius: f32, id: u32) -> Self {
-        Self {
-            coordinates: [
-                Vec4::new(center.x, radius, 0.0, f32::from_bits(id | SPHERE)),
-                Vec4::new(center.y, 0.0, 0.0, 0.0),
-                Vec4::new(center.z, 0.0, 0.0, 0.0),
-            ],
-        }
+    /// The sphere of a number below 2^31.
+    pub(crate) fn sphere(center: Vec3, radius: f32, number: u32, owner: Owner) -> Self {
+        let Vec3 { x, y, z } = center;
+        Self::new([x, radius, 0.0], [y, 0.0, 0.0], [z, 0.0, 0.0], number | SPHERE, owner)
+    }
+
+    fn new(x: [f32; 3], y: [f32; 3], z: [f32; 3], bits: u32, owner: Owner) -> Self {
+        let row = |of: [f32; 3], bits| Vec3::from_array(of).extend(f32::from_bits(bits));
+        let material = owner.material.0.into();
+        Self { coordinates: [row(x, bits), row(y, owner.object), row(z, material)] }
     }
 
     fn bits(&self) -> u32 {
         self.coordinates[0].w.to_bits()
+    }
+
+    pub(crate) fn owner(&self) -> Owner {
+        let [_, y, z] = self.coordinates;
+        Owner { material: MaterialId(z.w.to_bits() as u16), object: y.w.to_bits() }
     }
 
     pub(crate) fn corners(&self) -> [Vec3; 3] {
@@ -48,19 +51,20 @@ impl Primitive {
     }
 
     pub(crate) fn shape(&self) -> Shape {
-        let id = self.bits();
-        if id & SPHERE == 0 {
-            Shape::Triangle { id }
+        let bits = self.bits();
+        if bits & SPHERE == 0 {
+            Shape::Triangle
         } else {
             let [x, y, z] = self.coordinates;
-            Shape::Sphere { id: id & !SPHERE, center: Vec3::new(x.x, y.x, z.x), radius: x.y }
+            let (center, radius) = (Vec3::new(x.x, y.x, z.x), x.y);
+            Shape::Sphere { number: bits & !SPHERE, center, radius }
         }
     }
 
     /// The box around it, widened by `margin` on every side.
     pub(crate) fn aabb(&self, margin: f32) -> Aabb {
         let (min, max) = match self.shape() {
-            Shape::Triangle { .. } => {
+            Shape::Triangle => {
                 let [a, b, c] = self.corners();
                 (a.min(b).min(c), a.max(b).max(c))
             }
@@ -93,8 +97,20 @@ impl Primitive {
 /// What a [`Primitive`] is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shape {
-    Triangle { id: u32 },
-    Sphere { id: u32, center: Vec3, radius: f32 },
+    Triangle,
+    /// Which of the spheres it is, and where.
+    Sphere {
+        number: u32,
+        center: Vec3,
+        radius: f32,
+    },
+}
+
+/// What a [`Primitive`] is a part of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Owner {
+    pub(crate) material: MaterialId,
+    pub(crate) object: u32,
 }
 
 /// A ray prepared for the watertight triangle test of Woop, Benthin and Wald 2013 ("Watertight Ray/Triangle
@@ -297,9 +313,24 @@ mod tests {
         }
     }
 
+    const OWNER: Owner = Owner { material: MaterialId(u16::MAX), object: u32::MAX - 1 };
+
+    #[test]
+    fn what_is_in_the_last_lanes_is_found_again() {
+        let corners = [Vec3::X, Vec3::Y * 2.0, Vec3::new(3.0, 4.0, 5.0)];
+        let triangle = Primitive::triangle(corners, OWNER);
+        assert_eq!((triangle.corners(), triangle.owner()), (corners, OWNER));
+        assert!(matches!(triangle.shape(), Shape::Triangle));
+        let (center, number) = (corners[2], SPHERE - 1);
+        let sphere = Primitive::sphere(center, 0.5, number, OWNER);
+        assert_eq!(sphere.owner(), OWNER);
+        let Shape::Sphere { number: n, center: c, radius } = sphere.shape() else { panic!() };
+        assert_eq!((n, c, radius), (number, center, 0.5));
+    }
+
     #[test]
     fn spheres_are_met_from_outside_inside_and_behind() {
-        let sphere = Primitive::sphere(Vec3::new(0.0, 0.0, 5.0), 2.0, 0);
+        let sphere = Primitive::sphere(Vec3::new(0.0, 0.0, 5.0), 2.0, 0, OWNER);
         let t = |z: f32, dir| {
             sphere.intersect(&ShearedRay::new(Vec3A::Z * z, dir, 10.0), f32::INFINITY)
         };

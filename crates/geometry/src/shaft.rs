@@ -175,7 +175,7 @@ impl Shaft {
     /// Whether a primitive may reach into the shaft.
     pub(crate) fn may_hold_primitive(&self, primitive: &Primitive) -> bool {
         let is_outside = |side: &Side| match primitive.shape() {
-            Shape::Triangle { .. } => {
+            Shape::Triangle => {
                 let beyond = |p: Vec3| side.normal.dot(p.as_dvec3()) > side.offset;
                 primitive.corners().into_iter().all(beyond)
             }
@@ -189,7 +189,7 @@ impl Shaft {
     /// Whether all of the shaft lies on one side of a triangle's plane, or of one through the eye and an edge, beyond which
     /// the triangle isn't. The halves of a square have no other plane between them.
     fn lies_beside(&self, primitive: &Primitive) -> bool {
-        let (Some((points, doubt)), Shape::Triangle { .. }) = (self.hull, primitive.shape()) else {
+        let (Some((points, doubt)), Shape::Triangle) = (self.hull, primitive.shape()) else {
             return false;
         };
         let corners = primitive.corners().map(Vec3::as_dvec3);
