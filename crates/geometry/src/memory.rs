@@ -20,7 +20,7 @@ impl Memory {
     pub fn of<'a>(meshes: impl IntoIterator<Item = &'a Mesh>, spheres: &[Sphere]) -> Self {
         /// Nodes of two children, and the costs by which they are made into nodes of eight: see `build_bvh`.
         const BUILDING: u64 = 210;
-        /// A primitive, its share of the nodes, its owner.
+        /// A primitive, and its share of the nodes: there is one for each 8 to 13 primitives.
         const BUILT: u64 = 91;
         const NORMALS: u64 = 36;
         const UVS: u64 = 24;

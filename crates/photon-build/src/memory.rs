@@ -11,6 +11,9 @@ use scene::Scene;
 /// 100 million.
 const TRACED: f64 = 66.0;
 
+/// What threads keep of batches that end in an unlucky order.
+const BESIDE: u64 = 2_000_000;
+
 /// Bytes of a photon that waits for its place in the tree, and in it.
 const LOOSE: f64 = 24.0;
 const IN_TREE: f64 = 12.9;
@@ -47,7 +50,7 @@ pub(crate) fn of_tracing(
         0 => STORED_OF_FEW,
         emitted => n_stored as f64 / emitted as f64,
     };
-    Ok(Need { own: (n_emitted as f64 * stored * TRACED) as u64, mapped: 0 })
+    Ok(Need { own: (n_emitted as f64 * stored * TRACED) as u64 + BESIDE, mapped: 0 })
 }
 
 /// What merging shards takes beside them, one class after the other.

@@ -334,47 +334,20 @@ fn keep(weight: Rgb, size: f32, large_enough: f32, rng: &mut Rng) -> Option<Rgb>
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path as FilePath;
-
-    use base::ImageSize;
-    use glam::Vec2;
-    use photon_map::{Gather, Kernel, Metadata, PhotonMaps, PhotonSet};
-    use scene::Scene;
-
     use super::*;
-    use crate::Settings;
+    use crate::seen::each_pixel;
 
     /// Calls `check` for pixels that show the rabbit of glass.
     fn each_pixel_of_glass(
         mut check: impl FnMut(&Shader<'_>, &ShadingPoint<'_>, PixelStream, &mut Work),
     ) {
-        let file = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/rabbit/scene.toml");
-        let options =
-            scene::Options { definitions: Vec::new(), lenient: false, no_external: false };
-        let scene = Scene::assemble(scene::load_parts(&file, &options).expect("a scene").0);
-        let maps = PhotonMaps {
-            metadata: Metadata::default(),
-            direct: None,
-            caustic: PhotonSet::build(&[]),
-            indirect: PhotonSet::build(&[]),
-            focused: None,
-        };
-        let gather = Gather { k: 1, max_radius: 1.0, kernel: Kernel::Cone };
-        let settings =
-            Settings { shadow_rays: 1, glossy_rays: 1, indirect: gather, caustic: gather, seed: 7 };
-        let shader = Shader::new(&scene, &maps, settings);
-        let size = ImageSize { width: 60, height: 60 };
-        let (mut work, mut n) = (Work::default(), 0);
-        for (i, pixel) in size.pixels().enumerate() {
-            let at = Vec2::new(pixel.x as f32, pixel.y as f32) + 0.5;
-            let Some(point) = shader.eye_point(&scene.camera.ray(size, at), &mut work) else {
-                continue;
-            };
+        let mut n = 0;
+        each_pixel("rabbit", 1, |shader, point, stream, work| {
             if point.material.is_specular() {
-                check(&shader, &point, PixelStream(i as u64), &mut work);
+                check(shader, point, stream, work);
                 n += 1;
             }
-        }
+        });
         assert!(n > 100, "{n} pixels");
     }
 

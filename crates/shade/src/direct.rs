@@ -34,15 +34,32 @@ impl Shader<'_> {
     ) -> Rgb {
         match self.closed_form(light, surface, stream) {
             Some(u) if u.is_black() => Rgb::BLACK,
-            Some(u) => u * self.arriving(light, self.shadow_points.len(), surface, stream, work),
+            Some(u) => u * self.arriving(light, self.all_rays(), surface, stream, work),
             None => {
-                let rays = self.shadow_points.len();
-                self.shadow_sums(light, rays, surface, stream, work).arrived / rays as f32
+                let rays = self.all_rays();
+                self.shadow_sums(light, rays, surface, stream, work).arrived / rays.most as f32
             }
         }
     }
 
-    /// The share of a light's irradiance that arrives, in [0, 1]; for lights of one color.
+    /// [`Shader::irradiance_from`], but that the first shadow rays stand for all if they agree.
+    pub(crate) fn irradiance_until_sure(
+        &self,
+        light: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> Rgb {
+        match self.closed_form(light, surface, stream) {
+            Some(u) if u.is_black() => Rgb::BLACK,
+            Some(u) => u * self.arriving(light, self.until_sure(), surface, stream, work),
+            // What each of them would bring isn't known.
+            None => self.irradiance_from(light, surface, stream, work),
+        }
+    }
+
+    /// The share of a light's irradiance that arrives, in [0, 1]; for lights of one color. The first shadow rays stand for all if
+    /// they agree.
     pub fn visibility(
         &self,
         light: usize,
@@ -50,14 +67,24 @@ impl Shader<'_> {
         stream: PixelStream,
         work: &mut Work,
     ) -> f32 {
-        self.visibility_by(light, self.shadow_points.len(), surface, stream, work)
+        self.visibility_by(light, self.until_sure(), surface, stream, work)
     }
 
-    /// The same from fewer rays, if they are fewer.
+    fn all_rays(&self) -> Rays {
+        Rays::all(self.shadow_points.len())
+    }
+
+    /// The first are spread over the whole light, as all are: where they agree, a shadow's edge cuts off a part of it so small
+    /// that few of the others tell. Places on the light that send nothing don't count.
+    fn until_sure(&self) -> Rays {
+        let most = self.shadow_points.len();
+        Rays { most, enough: (most / 4).max(FEWEST_THAT_AGREE) }
+    }
+
     pub(crate) fn visibility_by(
         &self,
         light: usize,
-        rays: usize,
+        rays: Rays,
         surface: &Surface,
         stream: PixelStream,
         work: &mut Work,
@@ -69,7 +96,7 @@ impl Shader<'_> {
     pub(crate) fn arriving(
         &self,
         light: usize,
-        rays: usize,
+        rays: Rays,
         surface: &Surface,
         stream: PixelStream,
         work: &mut Work,
@@ -130,23 +157,30 @@ impl Shader<'_> {
     fn shadow_sums(
         &self,
         light: usize,
-        rays: usize,
+        Rays { most, enough }: Rays,
         surface: &Surface,
         stream: PixelStream,
         work: &mut Work,
     ) -> ShadowSums {
         let bits = hash_u64(stream.part(light as u64).0, Stream::Shadow as u64);
         let light = &self.scene.lights[light];
-        let n = if light.is_delta() { 1 } else { rays.min(self.shadow_points.len()) };
+        let n = if light.is_delta() { 1 } else { most.min(self.shadow_points.len()) };
         let view = light.seen_from(surface.position, surface.shading_normal);
         let mut sums = ShadowSums { sent: 0.0, sent_color: Rgb::BLACK, arrived: Rgb::BLACK };
+        let (mut n_asked, mut any_passes, mut all_pass) = (0, false, true);
         for &point in &self.shadow_points[..n] {
+            if n_asked == enough && any_passes == all_pass {
+                break;
+            }
             let u = scramble(point, bits);
             let Some(sample) = view.sample(u) else { continue };
             let sample = self.received(surface, sample);
             sums.sent += sample.irradiance.mean();
             sums.sent_color += sample.irradiance;
             let passing = self.passing(surface, sample.toward, work);
+            n_asked += 1;
+            any_passes |= passing > 0.0;
+            all_pass &= passing == 1.0;
             if passing > 0.0 {
                 sums.arrived += sample.irradiance * passing;
             }
@@ -254,6 +288,24 @@ impl Shader<'_> {
     }
 }
 
+/// Fewer shadow rays than so many don't stand for others.
+const FEWEST_THAT_AGREE: usize = 16;
+
+/// How many shadow rays go to a light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rays {
+    most: usize,
+    /// So many stand for all if they agree.
+    enough: usize,
+}
+
+impl Rays {
+    /// So many, whatever they tell; at most those of the settings.
+    pub(crate) fn all(n: usize) -> Self {
+        Self { most: n, enough: n }
+    }
+}
+
 /// Sums over the shadow rays of a light.
 struct ShadowSums {
     /// Mean over the channels of what would arrive without anything between.
@@ -275,4 +327,42 @@ impl ShadowSums {
 pub(crate) fn ratio(part: Rgb, whole: Rgb) -> Rgb {
     let of = |part: f32, whole: f32| if whole > 0.0 { part / whole } else { 0.0 };
     Rgb::new(of(part.r, whole.r), of(part.g, whole.g), of(part.b, whole.b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seen::each_pixel;
+
+    #[test]
+    fn shadow_rays_that_agree_stand_for_all() {
+        const RAYS: u64 = 64;
+        let (mut n, mut n_rays, mut n_cut_off) = (0, 0, 0);
+        let (mut bias, mut worst) = (0.0, 0.0_f32);
+        each_pixel("rabbit", RAYS as u32, |shader, point, stream, work| {
+            for light in 0..shader.scene.lights.len() {
+                let surface = &point.facing;
+                if shader.closed_form(light, surface, stream).is_none_or(Rgb::is_black) {
+                    continue;
+                }
+                let all = shader.shadow_sums(light, shader.all_rays(), surface, stream, work);
+                let before = work.counts.shadow_rays;
+                let told = shader.visibility(light, surface, stream, work);
+                let rays = work.counts.shadow_rays - before;
+                let wrong_by = told - all.share();
+                // What tells of both light and shadow is told by all.
+                if told > 1e-6 && told < 1.0 - 1e-6 {
+                    assert_eq!(wrong_by, 0.0);
+                }
+                n += 1;
+                n_rays += rays;
+                n_cut_off += u32::from(wrong_by.abs() > 1e-6);
+                bias += f64::from(wrong_by);
+                worst = worst.max(wrong_by.abs());
+            }
+        });
+        assert!(n > 3000 && n_rays < u64::from(n) * RAYS / 3, "{n_rays} rays of {n} places");
+        assert!(n_cut_off > 0 && n_cut_off < n / 50, "{n_cut_off} of {n}");
+        assert!((bias / f64::from(n)).abs() < 1e-4 && worst < 0.1, "{bias} {worst}");
+    }
 }

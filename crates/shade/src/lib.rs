@@ -14,6 +14,8 @@ mod irradiance_points;
 mod lights;
 mod path;
 mod point;
+#[cfg(test)]
+mod seen;
 mod shader;
 mod specular;
 mod spots;

@@ -3,7 +3,7 @@
 use base::{Rgb, Stream, hash_u64};
 use geometry::Surface;
 
-use crate::direct::ratio;
+use crate::direct::{Rays, ratio};
 use crate::shader::scramble;
 use crate::{PixelStream, Shader, Work};
 
@@ -53,14 +53,14 @@ impl Shader<'_> {
             let is_many_colored = !self.scene.lights[light].has_one_color();
             if share >= 1.0 || is_many_colored {
                 let least = if is_many_colored { FEWEST_BY_CHANNEL } else { 1 };
-                let rays = (share as usize).max(least);
+                let rays = Rays::all((share as usize).max(least));
                 arrived += irradiance * self.arriving(light, rays, surface, stream, work);
                 continue;
             }
             sum += irradiance;
             // Of all lights with a share below one, every so much of what they send gets a ray.
             while sum.mean() / per_ray > next {
-                let free = self.visibility_by(light, 1, surface, stream, work);
+                let free = self.visibility_by(light, Rays::all(1), surface, stream, work);
                 arrived += irradiance * (free / share);
                 next += 1.0;
             }

@@ -17,26 +17,48 @@ impl Shader<'_> {
             let (facing, stream) = (&leaf.point.facing, leaf.stream);
             let irradiance = match leaf.is_glossy {
                 true => self.irradiance_of_glossy(facing, stream, work),
-                false => self.irradiance(facing, stream, self.settings.shadow_rays, work),
+                false => self.irradiance(facing, stream, work),
             };
             sum += leaf.weight * leaf.point.albedo * FRAC_1_PI * irradiance;
         });
         emitted.all + sum
     }
 
-    /// Irradiance of all light at the end of a chain, on the side of the surface's normals, by so many shadow rays to each light.
-    pub fn irradiance(
+    /// Irradiance of all light at the end of a chain, on the side of the surface's normals.
+    fn irradiance(&self, surface: &Surface, stream: PixelStream, work: &mut Work) -> Rgb {
+        self.irradiance_with(surface, work, |light, work| {
+            self.irradiance_from(light, surface, stream, work)
+        })
+    }
+
+    /// The same by at most so many shadow rays to each light, and by less where the first of all agree.
+    pub fn irradiance_by(
         &self,
         surface: &Surface,
         stream: PixelStream,
         rays: u32,
         work: &mut Work,
     ) -> Rgb {
-        let indirect = self.indirect_estimate(surface, work).irradiance;
-        indirect + self.irradiance_but_indirect(surface, stream, rays, work)
+        self.irradiance_with(surface, work, |light, work| {
+            if rays < self.settings.shadow_rays {
+                self.irradiance_by_few(light, surface, stream, rays, work)
+            } else {
+                self.irradiance_until_sure(light, surface, stream, work)
+            }
+        })
     }
 
-    /// The same at a glossy end: all of a sharp one share its shadow rays and its gather rays.
+    fn irradiance_with(
+        &self,
+        surface: &Surface,
+        work: &mut Work,
+        direct: impl Fn(usize, &mut Work) -> Rgb,
+    ) -> Rgb {
+        let indirect = self.indirect_estimate(surface, work).irradiance;
+        indirect + self.direct_and_caustic(surface, work, direct)
+    }
+
+    /// [`Shader::irradiance_by`] at a glossy end: all of a sharp one share its shadow rays and its gather rays.
     pub fn irradiance_of_glossy(
         &self,
         surface: &Surface,
@@ -46,19 +68,19 @@ impl Shader<'_> {
         let Settings { shadow_rays, glossy_rays, .. } = self.settings;
         let rays = (shadow_rays / glossy_rays).max(1);
         let indirect = self.indirect_by_few(surface, stream, glossy_rays, work);
-        indirect + self.irradiance_but_indirect(surface, stream, rays, work)
+        let direct_and_caustic = self.direct_and_caustic(surface, work, |light, work| {
+            self.irradiance_by_few(light, surface, stream, rays, work)
+        });
+        indirect + direct_and_caustic
     }
 
-    fn irradiance_but_indirect(
+    fn direct_and_caustic(
         &self,
         surface: &Surface,
-        stream: PixelStream,
-        rays: u32,
         work: &mut Work,
+        direct: impl Fn(usize, &mut Work) -> Rgb,
     ) -> Rgb {
-        let direct: Rgb = (0..self.scene.lights.len())
-            .map(|light| self.irradiance_by_few(light, surface, stream, rays, work))
-            .sum();
+        let direct: Rgb = (0..self.scene.lights.len()).map(|light| direct(light, work)).sum();
         direct + self.caustic_estimate(surface, work).irradiance
     }
 }

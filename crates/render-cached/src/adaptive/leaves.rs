@@ -60,7 +60,7 @@ impl Leaf {
         frame.at(frame.size().pixel(self.pixel as usize), work, |point, stream, work| {
             let end = shader.chain_end(point, stream, self.path, work);
             end.map_or(Rgb::BLACK, |leaf| {
-                shader.irradiance(&leaf.point.facing, leaf.stream, rays, work)
+                shader.irradiance_by(&leaf.point.facing, leaf.stream, rays, work)
             })
         })
     }
