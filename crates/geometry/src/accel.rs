@@ -493,6 +493,20 @@ mod tests {
     }
 
     #[test]
+    fn a_ray_from_nowhere_meets_nothing() {
+        // One triangle leaves seven of eight places in its node empty, and such a ray meets all boxes.
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            materials: vec![MaterialId(0)],
+            ..Mesh::default()
+        };
+        let accel = Accel::build(&[mesh], &[]);
+        let ray = Ray::unbounded(Vec3A::NAN, Vec3A::Z);
+        assert!(accel.closest_hit(&ray).is_none() && !accel.occluded(&ray));
+    }
+
+    #[test]
     fn triangles_are_lent_as_they_were_given() {
         let corners = [Vec3::ZERO, Vec3::X * 3.0, Vec3::new(0.1, 7.0, 0.3)];
         let mesh = Mesh {

@@ -32,14 +32,7 @@ impl Shader<'_> {
         stream: PixelStream,
         work: &mut Work,
     ) -> Rgb {
-        match self.closed_form(light, surface, stream) {
-            Some(u) if u.is_black() => Rgb::BLACK,
-            Some(u) => u * self.arriving(light, self.all_rays(), surface, stream, work),
-            None => {
-                let rays = self.all_rays();
-                self.shadow_sums(light, rays, surface, stream, work).arrived / rays.most as f32
-            }
-        }
+        self.irradiance_asking(self.all_rays(), light, surface, stream, work)
     }
 
     /// [`Shader::irradiance_from`], but that the first shadow rays stand for all if they agree.
@@ -50,11 +43,25 @@ impl Shader<'_> {
         stream: PixelStream,
         work: &mut Work,
     ) -> Rgb {
+        self.irradiance_asking(self.until_sure(), light, surface, stream, work)
+    }
+
+    fn irradiance_asking(
+        &self,
+        rays: Rays,
+        light: usize,
+        surface: &Surface,
+        stream: PixelStream,
+        work: &mut Work,
+    ) -> Rgb {
         match self.closed_form(light, surface, stream) {
             Some(u) if u.is_black() => Rgb::BLACK,
-            Some(u) => u * self.arriving(light, self.until_sure(), surface, stream, work),
-            // What each of them would bring isn't known.
-            None => self.irradiance_from(light, surface, stream, work),
+            Some(u) => u * self.arriving(light, rays, surface, stream, work),
+            // None stands for another where what each of them would bring isn't known.
+            None => {
+                let all = self.all_rays();
+                self.shadow_sums(light, all, surface, stream, work).arrived / all.most as f32
+            }
         }
     }
 
