@@ -10,6 +10,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
 
+use crate::corner_normals::CornerNormals;
 use crate::frustum::Facet;
 use crate::node::{self, MAX_PRIMITIVES_PER_LEAF, Node};
 use crate::primitive::{Owner, Primitive, Shape, ShearedRay};
@@ -34,9 +35,7 @@ pub struct Accel {
     nodes: Vec<Node>,
     /// In the order of the leaves, in scaled units.
     primitives: Vec<Primitive>,
-    /// Shading normals of the corners of each, as the primitives lie; empty when no mesh has any.
-    normals: Vec<[Vec3; 3]>,
-    /// Texture coordinates of the corners of each, likewise, not a number in meshes that have none; empty when no mesh has any.
+    /// Texture coordinates of the corners of each, as the primitives lie, not a number in meshes that have none; empty when no mesh has any.
     uvs: Vec<[Vec2; 3]>,
     /// How each sphere is turned.
     rotations: Vec<Quat>,
@@ -135,18 +134,21 @@ impl Accel {
         let margin = diagonal * 2.0_f32.powi(-20) + largest * 2.0_f32.powi(-22);
         let mut boxes = Vec::with_capacity(n_all);
         boxes.extend((0..n_all).map(|i| BoundedPrimitive(primitive(i).aabb(margin))));
-        let mut bvh = build_bvh(boxes);
-        let nodes = node::expand(&bvh);
-        bvh.nodes = Vec::new();
+        let bvh = build_bvh(boxes);
         let slots = || bvh.primitive_indices.iter().map(|&i| i as usize);
         let mut primitives = Vec::with_capacity(n_all);
-        primitives.extend(slots().map(primitive));
-        let parts = || slots().map(part);
-        let normals = of_corners(meshes, parts(), |m| &m.normals, Vec3::ZERO);
-        let uvs = of_corners(meshes, parts(), |m| &m.uvs, Vec2::NAN);
+        let normals = |i: usize| match part(i) {
+            Ok((mesh, i_in_mesh)) if !mesh.normals.is_empty() => {
+                CornerNormals::new(mesh.of_corners(&mesh.normals, i_in_mesh))
+            }
+            _ => CornerNormals::default(),
+        };
+        primitives.extend(slots().map(|i| primitive(i).with_normals(normals(i))));
+        let nodes = node::expand(&bvh, |slot| primitives[slot as usize].aabb(margin));
+        let uvs = uvs_of(meshes, slots().map(part));
         let (center, radius) = (center.into(), 0.5 * diagonal);
         let rotations = spheres.iter().map(|s| s.rotation).collect();
-        Self { nodes, primitives, normals, uvs, rotations, scale, center, radius, bounds }
+        Self { nodes, primitives, uvs, rotations, scale, center, radius, bounds }
     }
 
     /// The nearest surface that the ray meets.
@@ -390,8 +392,8 @@ impl Accel {
 
     #[inline]
     fn shading_normal(&self, slot: u32, weights: Vec3, geometric_normal: Vec3A) -> Vec3A {
-        let Some([a, b, c]) = self.normals.get(slot as usize) else { return geometric_normal };
-        let n = Vec3A::from(*a * weights.x + *b * weights.y + *c * weights.z);
+        let normals = self.primitives[slot as usize].normals();
+        let Some(n) = normals.blend(weights) else { return geometric_normal };
         let n = n * n.dot(geometric_normal).signum();
         // Interpolated normals that lie in the surface or vanish are of no use.
         if n.dot(geometric_normal) > 1e-3 * n.length() { n.normalize() } else { geometric_normal }
@@ -428,24 +430,16 @@ pub fn sphere_uv(rotation: Quat, out: Vec3) -> Vec2 {
 /// A triangle of a mesh, or the number of a sphere.
 type Part<'a> = Result<(&'a Mesh, usize), usize>;
 
-/// Something that meshes have at each position or not at all, at the corners of the triangles among some parts; empty when no mesh
-/// has it.
-fn of_corners<'a, T: Copy>(
-    meshes: &[Mesh],
-    parts: impl Iterator<Item = Part<'a>>,
-    values: impl Fn(&Mesh) -> &[T],
-    without: T,
-) -> Vec<[T; 3]> {
-    if meshes.iter().all(|mesh| values(mesh).is_empty()) {
+/// Texture coordinates at the corners of the triangles among some parts; empty when no mesh has any.
+fn uvs_of<'a>(meshes: &[Mesh], parts: impl Iterator<Item = Part<'a>>) -> Vec<[Vec2; 3]> {
+    if meshes.iter().all(|mesh| mesh.uvs.is_empty()) {
         return Vec::new();
     }
-    let corners = |part: Part<'_>| match part {
-        Ok((mesh, i)) if !values(mesh).is_empty() => {
-            mesh.triangles[i].map(|corner| values(mesh)[corner as usize])
-        }
-        _ => [without; 3],
+    let uvs = |part: Part<'_>| match part {
+        Ok((mesh, i)) if !mesh.uvs.is_empty() => mesh.of_corners(&mesh.uvs, i),
+        _ => [Vec2::NAN; 3],
     };
-    parts.map(corners).collect()
+    parts.map(uvs).collect()
 }
 
 /// What obvhs's `build_cwbvh` does, but for its checks in debug builds: they allow rounding of 1e-5, whatever the size of

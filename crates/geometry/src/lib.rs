@@ -8,6 +8,7 @@
 
 mod accel;
 mod bounds;
+mod corner_normals;
 mod crease;
 mod frustum;
 mod memory;

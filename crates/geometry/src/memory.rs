@@ -20,26 +20,23 @@ impl Memory {
     pub fn of<'a>(meshes: impl IntoIterator<Item = &'a Mesh>, spheres: &[Sphere]) -> Self {
         /// Nodes of two children, and the costs by which they are made into nodes of eight: see `build_bvh`.
         const BUILDING: u64 = 210;
-        /// A primitive, and its share of the nodes: there is one for each 8 to 13 primitives.
+        /// A primitive, normals included, and its share of the nodes: there is one for each 8 to 13 primitives.
         const BUILT: u64 = 91;
-        const NORMALS: u64 = 36;
         const UVS: u64 = 24;
         const CREASE_BUILDING: u64 = 260;
         const CREASE_BUILT: u64 = 160;
 
-        let (mut n_triangles, mut n_creases, mut corners) = (0, 0, 0);
-        let (mut has_normals, mut has_uvs) = (false, false);
+        let (mut n_triangles, mut n_creases) = (0, 0);
+        let mut has_uvs = false;
         for mesh in meshes {
             let n = mesh.triangles.len() as u64;
             n_triangles += n;
             n_creases += (2 * mesh.positions.len() as u64).saturating_sub(n).min(3 * n);
-            has_normals |= !mesh.normals.is_empty();
             has_uvs |= !mesh.uvs.is_empty();
         }
-        corners += if has_normals { NORMALS * n_triangles } else { 0 };
-        corners += if has_uvs { UVS * n_triangles } else { 0 };
+        let uvs = if has_uvs { UVS * n_triangles } else { 0 };
         let n = n_triangles + spheres.len() as u64;
-        let accel = BUILT * n + corners;
+        let accel = BUILT * n + uvs;
         let sides = 16 * (3 * n_triangles).min(AT_ONCE as u64);
         let creases = (accel + sides).max(accel + CREASE_BUILDING * n_creases);
         Self { building: creases.max(BUILDING * n), built: accel + CREASE_BUILT * n_creases }

@@ -29,7 +29,13 @@ impl Mesh {
     /// The corners of a triangle.
     #[inline]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
-        self.triangles[triangle].map(|i| self.positions[i as usize])
+        self.of_corners(&self.positions, triangle)
+    }
+
+    /// What there is one of a position, at the corners of a triangle.
+    #[inline]
+    pub(crate) fn of_corners<T: Copy>(&self, values: &[T], triangle: usize) -> [T; 3] {
+        self.triangles[triangle].map(|i| values[i as usize])
     }
 
     /// The box around all triangles.

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::node::CwBvhNode;
 
@@ -57,47 +59,72 @@ impl Child {
     }
 }
 
-/// The nodes of a compressed BVH, in its order: the first is the root.
-pub(crate) fn expand(bvh: &CwBvh) -> Vec<Node> {
-    bvh.nodes.iter().map(Node::new).collect()
+/// The nodes of a compressed BVH, in its order: the first is the root. `of` is the box of a primitive.
+///
+/// Boxes are as small as they can be. Those of the compressed one lie on a grid and are larger: a twentieth more time for rays
+/// that look for any hit.
+pub(crate) fn expand(bvh: &CwBvh, of: impl Fn(u32) -> Aabb) -> Vec<Node> {
+    let mut nodes = vec![Node::EMPTY; bvh.nodes.len()];
+    // Children come later.
+    for (i, packed) in bvh.nodes.iter().enumerate().rev() {
+        for (slot, child) in children(packed).into_iter().enumerate() {
+            let Some(child) = child else { continue };
+            let aabb = match child.n_primitives() {
+                0 => nodes[child.index() as usize].aabb(),
+                _ => child.primitives().map(&of).fold(Aabb::INVALID, |all, one| all.union(&one)),
+            };
+            nodes[i].set(slot, child, &aabb);
+        }
+    }
+    nodes
+}
+
+/// By their places in a node.
+fn children(packed: &CwBvhNode) -> [Option<Child>; 8] {
+    let mut inner = packed.child_base_idx;
+    std::array::from_fn(|slot| {
+        let meta = u32::from(packed.child_meta[slot]);
+        if meta == 0 {
+            None
+        } else if packed.imask >> slot & 1 != 0 {
+            inner += 1;
+            Some(Child::new(0, inner - 1))
+        } else {
+            Some(Child::new((meta >> 5).count_ones(), packed.primitive_base_idx + (meta & 31)))
+        }
+    })
 }
 
 impl Node {
-    fn new(packed: &CwBvhNode) -> Self {
-        let extent = packed.compute_extent();
-        let is_empty = |slot: usize| packed.child_meta[slot] == 0;
-        let planes = |bytes: [u8; 8], axis: usize, of_none: f32| {
-            std::array::from_fn(|slot| match is_empty(slot) {
-                true => of_none,
-                false => packed.p[axis] + f32::from(bytes[slot]) * extent[axis],
-            })
-        };
-        let (above, below) = (f32::INFINITY, f32::NEG_INFINITY);
-        let mut inner = packed.child_base_idx;
-        let children = std::array::from_fn(|slot| {
-            let meta = u32::from(packed.child_meta[slot]);
-            if is_empty(slot) {
-                // Rays that aren't numbers meet all boxes.
-                Child::new(1, 0)
-            } else if packed.imask >> slot & 1 != 0 {
-                inner += 1;
-                Child::new(0, inner - 1)
-            } else {
-                Child::new((meta >> 5).count_ones(), packed.primitive_base_idx + (meta & 31))
-            }
-        });
-        Self {
-            min: [
-                planes(packed.child_min_x, 0, above),
-                planes(packed.child_min_y, 1, above),
-                planes(packed.child_min_z, 2, above),
-            ],
-            max: [
-                planes(packed.child_max_x, 0, below),
-                planes(packed.child_max_y, 1, below),
-                planes(packed.child_max_z, 2, below),
-            ],
-            children,
+    /// Rays that aren't numbers meet all boxes, so that all places have a child.
+    const EMPTY: Self = Self {
+        min: [[f32::INFINITY; 8]; 3],
+        max: [[f32::NEG_INFINITY; 8]; 3],
+        children: [Child(1 << INDEX_BITS); 8],
+    };
+
+    fn set(&mut self, slot: usize, child: Child, aabb: &Aabb) {
+        self.children[slot] = child;
+        for axis in 0..3 {
+            (self.min[axis][slot], self.max[axis][slot]) = (aabb.min[axis], aabb.max[axis]);
         }
+    }
+
+    /// The box around all children.
+    fn aabb(&self) -> Aabb {
+        let of = |planes: [[f32; 8]; 3], extreme: fn(f32, f32) -> f32| {
+            Vec3A::from(planes.map(|all| all.into_iter().reduce(extreme).unwrap_or(f32::NAN)))
+        };
+        Aabb::new(of(self.min, f32::min), of(self.max, f32::max))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn empty_places_have_the_first_primitive() {
+        assert!(Node::EMPTY.children.iter().all(|&child| child == Child::new(1, 0)));
     }
 }
