@@ -96,9 +96,9 @@ impl PhotonSet {
             if scratch.candidates.len() >= gather.k || search >= gather.max_radius {
                 break;
             }
-            // Twice the photons that are missing, if they lie as densely as those found.
+            // A third more photons than are wanted, if they lie as densely as those found.
             let found = scratch.candidates.len().max(1) as f32;
-            let growth = (2.0 * gather.k as f32 / found).sqrt().clamp(1.2, 4.0);
+            let growth = (1.3 * gather.k as f32 / found).sqrt().clamp(1.05, 4.0);
             search = (search * growth).min(gather.max_radius);
         }
         let Scratch { candidates, ordered } = scratch;

@@ -53,10 +53,14 @@ pub(crate) struct LastEstimate {
 }
 
 impl LastEstimate {
-    /// A radius that holds as many photons as the last one did, if the last one was close by.
+    /// A radius that likely holds as many photons as the last one did, if the last one was near enough to tell.
+    ///
+    /// As much larger as the points are apart it would surely hold them; but to search once more now and then takes less time than
+    /// to search so far each time.
     pub(crate) fn guess(&self, point: Vec3A) -> Option<f32> {
         let distance = (point - self.point).length();
-        (distance < 0.5 * self.radius).then_some(self.radius + distance)
+        let more = distance.min(0.03 * self.radius + 0.05 * distance);
+        (distance < 2.0 * self.radius).then_some(self.radius + more)
     }
 
     pub(crate) fn remember(&mut self, point: Vec3A, estimate: &Estimate) {
