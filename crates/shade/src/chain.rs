@@ -17,10 +17,6 @@ const FOLLOW_ALWAYS: f32 = 0.002;
 /// rays, and diffuse surfaces are never as bright as lamps.
 const SHADE_ALWAYS: f32 = 0.02;
 
-/// Branches that carry less than this from sharp surfaces on are faint, and so is all that follows them: a reflection head on
-/// from the outside of glass isn't, a second one within it is. There are as many of them as of the others.
-const FAINT: f32 = 0.01;
-
 /// The longest chain. Only surfaces that lose nothing make such; they are counted.
 const MAX_LENGTH: u32 = 128;
 
@@ -42,7 +38,7 @@ pub struct ChainLeaf<'a> {
     pub path: Path,
     /// Whether a rough surface lies on the way: then it is one of many, each by chance.
     pub is_glossy: bool,
-    /// Whether so little comes this way that it is part of what [`Shader::chain`] calls faint.
+    /// Whether it comes by a branch that carries little: see [`Shader::chain_by_parts`].
     pub is_faint: bool,
 }
 
@@ -60,6 +56,8 @@ pub struct ChainEmission {
 pub(crate) struct Follow<'x> {
     /// Whether anyone asks for the light of emitters.
     pub(crate) is_lit: bool,
+    /// Branches that carry less than this from sharp surfaces on are faint, and so is all that follows them.
+    faint: f32,
     with_faint: bool,
     /// What comes by some paths, which aren't followed.
     known: &'x [(Path, Rgb)],
@@ -67,7 +65,8 @@ pub(crate) struct Follow<'x> {
     only: Option<Path>,
 }
 
-const ALL: Follow<'_> = Follow { is_lit: true, with_faint: true, known: &[], only: None };
+const ALL: Follow<'_> =
+    Follow { is_lit: true, faint: 0.0, with_faint: true, known: &[], only: None };
 
 /// A ray yet to be followed.
 struct Branch<'a> {
@@ -108,8 +107,8 @@ impl<'a> Chains<'a, '_> {
         chosen: Option<Chosen>,
     ) {
         let mut weight = from.weight * bounce.weight;
-        let is_faint = from.is_faint || !from.is_glossy && weight.max_channel() < FAINT;
-        let Follow { with_faint, known, only, .. } = self.follow;
+        let Follow { faint, with_faint, known, only, .. } = self.follow;
+        let is_faint = from.is_faint || !from.is_glossy && weight.max_channel() < faint;
         if is_faint && !with_faint {
             return;
         }
@@ -153,30 +152,37 @@ impl<'a> Shader<'a> {
         at: &ShadingPoint<'a>,
         stream: PixelStream,
         work: &mut Work,
-        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
-    ) -> ChainEmission {
-        self.follow(at, stream, ALL, work, |leaf, work| {
-            arrive(leaf, work);
-            ControlFlow::Continue(())
-        })
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+    ) -> Rgb {
+        self.follow_whole(at, stream, ALL, work, arrive).all
     }
 
-    /// The same without the branches that carry little, and those that follow them. Nor are `known` paths followed, by each of
-    /// which so much comes.
+    /// The same, telling apart the branches that carry little: less than `faint`, from sharp surfaces on, and all that follow
+    /// them. Of glass, with 0.01, a reflection head on from the outside carries more, a second one within it less; there are as
+    /// many of these as of the others.
+    pub fn chain_by_parts(
+        &self,
+        at: &ShadingPoint<'a>,
+        stream: PixelStream,
+        faint: f32,
+        work: &mut Work,
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+    ) -> ChainEmission {
+        self.follow_whole(at, stream, Follow { faint, ..ALL }, work, arrive)
+    }
+
+    /// The same without the branches that carry little. Nor are `known` paths followed, by each of which so much comes.
     pub fn bright_chain(
         &self,
         at: &ShadingPoint<'a>,
         stream: PixelStream,
+        faint: f32,
         known: &[(Path, Rgb)],
         work: &mut Work,
-        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+        arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
     ) -> Rgb {
-        let follow = Follow { with_faint: false, known, ..ALL };
-        let emission = self.follow(at, stream, follow, work, |leaf, work| {
-            arrive(leaf, work);
-            ControlFlow::Continue(())
-        });
-        emission.all
+        let follow = Follow { faint, with_faint: false, known, ..ALL };
+        self.follow_whole(at, stream, follow, work, arrive).all
     }
 
     /// Calls `arrive` for the same surfaces as [`Shader::chain`] until it has seen enough, but asks no light.
@@ -212,6 +218,20 @@ impl<'a> Shader<'a> {
             ControlFlow::Break(())
         });
         end
+    }
+
+    fn follow_whole(
+        &self,
+        at: &ShadingPoint<'a>,
+        stream: PixelStream,
+        follow: Follow<'_>,
+        work: &mut Work,
+        mut arrive: impl FnMut(ChainLeaf<'a>, &mut Work),
+    ) -> ChainEmission {
+        self.follow(at, stream, follow, work, |leaf, work| {
+            arrive(leaf, work);
+            ControlFlow::Continue(())
+        })
     }
 
     fn follow(
@@ -351,6 +371,8 @@ mod tests {
         assert!(n > 100, "{n} pixels");
     }
 
+    const FAINT: f32 = 0.01;
+
     #[test]
     fn known_paths_are_not_followed() {
         // Whether ends that carry less are shaded is up to chance.
@@ -361,7 +383,8 @@ mod tests {
         each_pixel_of_glass(|shader, point, stream, work| {
             let mut leaves = Vec::new();
             let before = work.counts.specular_rays;
-            let emitted = shader.bright_chain(point, stream, &[], work, |l, _| leaves.push(l));
+            let emitted =
+                shader.bright_chain(point, stream, FAINT, &[], work, |l, _| leaves.push(l));
             let n_rays = work.counts.specular_rays - before;
             for leaf in &leaves {
                 let others = leaves.iter().map(|leaf| leaf.path).filter(|&p| p != leaf.path);
@@ -370,7 +393,8 @@ mod tests {
                 let known = [(start, Rgb::splat(1000.0))];
                 let mut rest = Vec::new();
                 let before = work.counts.specular_rays;
-                let more = shader.bright_chain(point, stream, &known, work, |l, _| rest.push(l));
+                let more =
+                    shader.bright_chain(point, stream, FAINT, &known, work, |l, _| rest.push(l));
                 assert!(work.counts.specular_rays - before < n_rays, "{start:?}");
                 assert!((1000.0..=1000.01 + emitted.r).contains(&more.r), "{more:?} {emitted:?}");
                 let paths = |all: &[ChainLeaf<'_>]| -> Vec<Path> {

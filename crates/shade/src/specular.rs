@@ -21,7 +21,7 @@ impl Shader<'_> {
             };
             sum += leaf.weight * leaf.point.albedo * FRAC_1_PI * irradiance;
         });
-        emitted.all + sum
+        emitted + sum
     }
 
     /// Irradiance of all light at the end of a chain, on the side of the surface's normals.

@@ -181,7 +181,7 @@ fn follow(
             });
             Rgb::BLACK
         } else {
-            shader.chain(point, stream, work, |leaf, _| arrive(leaf)).all
+            shader.chain(point, stream, work, |leaf, _| arrive(leaf))
         };
         (emitted, found, has_rest)
     })

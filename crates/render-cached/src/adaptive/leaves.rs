@@ -41,6 +41,13 @@ const FROM_AFAR: f32 = 0.5;
 /// Pixels whose chains are followed together.
 const TOGETHER: usize = 16;
 
+/// Branches that carry less than this are seen alike by the subpixels of a pixel.
+const FAINT: f32 = 0.01;
+
+/// The same by pixels beside each other. Images of a lamp that are smaller than a pixel are lost where they are faint: so that none
+/// of them was seen, fewer branches are.
+const FAINT_TO_PIXELS: f32 = 0.004;
+
 /// A diffuse surface at the end of a chain. There are more of them than pixels, and few are computed: those are found
 /// again by their pixel and path, so that this is small.
 #[derive(Clone, Copy, Debug)]
@@ -103,19 +110,23 @@ pub(crate) struct Leaves {
     radiance: Vec<Rgb>,
     /// The pixels whose chains have glossy ends, too: these ends are left to [`super::glossy`].
     glossy: Vec<Pixel>,
+    /// Branches that carry less than this are faint.
+    faint: f32,
     source: Source<Rgb>,
     around: Around,
 }
 
 impl Leaves {
-    /// Follows all chains that begin sharply.
+    /// Follows all chains that begin sharply in the picture of a view.
     pub(crate) fn start(
-        frame: &Frame<'_>,
+        view: &View,
         saved: &Saved,
         account: &mut Account<'_, '_>,
     ) -> Result<Self, Interrupted> {
+        let frame = account.frame;
+        let faint = if view.apart() > 1 { FAINT_TO_PIXELS } else { FAINT };
         let pixels: Vec<Pixel> = frame.pixels_that_show(begins_sharply).collect();
-        let chains = follow(frame, &pixels, |&pixel| (pixel, None), account)?;
+        let chains = follow(&pixels, faint, |&pixel| (pixel, None), account)?;
         let mut emitted = Grid::from_fn(frame.size(), |_| Rgb::BLACK);
         let (mut emissions, mut glossy) = (Vec::new(), Vec::new());
         for &(pixel, emission, is_glossy) in chains.iter().flat_map(|c| &c.0) {
@@ -136,6 +147,7 @@ impl Leaves {
             irradiance,
             radiance,
             glossy,
+            faint,
             source,
             around,
         })
@@ -265,13 +277,14 @@ pub(super) fn begins_sharply(material: &Material) -> bool {
 type Chains = (Vec<(Pixel, ChainEmission, bool)>, Vec<Leaf>);
 
 /// Follows the chains of some pixels, in groups: `of` tells the pixel, and, if the branches that carry little aren't to be
-/// followed, what is known of others.
+/// followed, what is known of others. Less than `faint` is little.
 fn follow<'k, T: Sync>(
-    frame: &Frame<'_>,
     items: &[T],
+    faint: f32,
     of: impl Fn(&T) -> (Pixel, Option<&'k [(Path, Rgb)]>) + Sync,
     account: &mut Account<'_, '_>,
 ) -> Result<Vec<Chains>, Interrupted> {
+    let frame = account.frame;
     let (size, shader) = (frame.size(), frame.shader());
     // Some pixels at a time share their vectors: one for each would be as long as chains rarely are.
     let groups: Vec<&[T]> = items.chunks(TOGETHER).collect();
@@ -289,10 +302,10 @@ fn follow<'k, T: Sync>(
                 }
             };
             let emission = frame.at(pixel, work, |point, stream, work| match known {
-                None => shader.chain(point, stream, work, |leaf, _| arrive(leaf)),
+                None => shader.chain_by_parts(point, stream, faint, work, |leaf, _| arrive(leaf)),
                 Some(known) => {
                     let arrive = |leaf: ChainLeaf<'_>, _: &mut Work| arrive(leaf);
-                    let all = shader.bright_chain(point, stream, known, work, arrive);
+                    let all = shader.bright_chain(point, stream, faint, known, work, arrive);
                     ChainEmission { all, faint: Rgb::BLACK }
                 }
             });

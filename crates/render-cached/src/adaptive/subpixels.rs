@@ -47,6 +47,9 @@ const NARROWER: f32 = 0.5;
 /// Tolerances at ends of chains are so much wider: a pixel is the mean of its subpixels, of which the first is exact.
 const WIDER: f32 = 3.0;
 
+/// A subpixel whose chains were followed may be so much brighter than those beside it before theirs are, too.
+const BRIGHTER: f32 = 0.5;
+
 /// Points of a light that single rays go to are stratified over squares of so many subpixels.
 const BLOCK: u32 = 4;
 
@@ -85,6 +88,18 @@ impl Cells {
         let (right, below) = ((x + 1).min(self.size.width - 1), (y + 1).min(self.size.height - 1));
         [(x, y), (right, y), (x, below), (right, below)]
             .map(|(x, y)| self.size.index(Pixel { x, y }))
+    }
+
+    /// Whether a subpixel is one that the cache works on.
+    fn is_first(self, Pixel { x, y }: Pixel) -> bool {
+        x.is_multiple_of(self.n) && y.is_multiple_of(self.n)
+    }
+
+    /// The subpixels around one, in a picture of so many.
+    fn beside(self, Pixel { x, y }: Pixel, size: ImageSize) -> impl Iterator<Item = Pixel> {
+        let rows = y.saturating_sub(1)..(y + 2).min(size.height);
+        let columns = x.saturating_sub(1)..(x + 2).min(size.width);
+        rows.flat_map(move |y| columns.clone().map(move |x| Pixel { x, y }))
     }
 
     /// Where in its cell a subpixel lies, from 0 to 1 both ways.
@@ -221,7 +236,7 @@ pub(super) fn render(
     let (size, shader) = (frame.size(), frame.shader());
     let Coarse { view, primary, finished, strictness, .. } = coarse;
     let cells = Cells::new(frame, coarse.frame);
-    // What a whole pixel shows by chains is followed, as everywhere.
+    // What a whole pixel shows by chains is followed, but for branches that carry little.
     let follows_all = view.apart() > 1;
     let by_pixel = specular.by_pixel(view.size().n_pixels());
     // Fresh memory is black: the sweep is the first to touch it.
@@ -299,14 +314,35 @@ pub(super) fn render(
     }
 
     let tolerance = scaled(strictness.tolerance(Component::Specular), of_ends);
-    let followed =
-        specular.between(by_pixel, &chains, &known, cells, view, finished, tolerance, account)?;
     let first = |&Pixel { x, y }: &Pixel| Pixel { x: x * cells.n, y: y * cells.n };
     let mut glossy: Vec<Pixel> = specular.glossy_pixels().iter().map(first).collect();
-    for (&Chain { pixel, .. }, followed) in chains.iter().zip(followed) {
-        let i = size.index(pixel);
-        (values.specular[i], reasons.specular[i]) = (followed.radiance, followed.reason);
-        glossy.extend(followed.is_glossy.then_some(pixel));
+    let (mut chains, mut is_followed) = (chains, vec![false; size.n_pixels()]);
+    // What is narrower than the pixels are apart may be seen by none of four, and by others beside them.
+    while !chains.is_empty() {
+        let followed = specular
+            .between(by_pixel, &chains, &known, cells, view, finished, tolerance, account)?;
+        for (chain, followed) in chains.iter().zip(followed) {
+            let i = size.index(chain.pixel);
+            (values.specular[i], reasons.specular[i]) = (followed.radiance, followed.reason);
+            is_followed[i] = true;
+            glossy.extend(followed.is_glossy.then_some(chain.pixel));
+        }
+        let mut next = Vec::new();
+        for &Chain { pixel, .. } in &chains {
+            let brightest = BRIGHTER * values.specular[size.index(pixel)].luminance();
+            for beside in cells.beside(pixel, size) {
+                let i = size.index(beside);
+                let shown = finished.floor + values.specular[i].luminance();
+                let is_between = !cells.is_first(beside) && !is_followed[i];
+                if is_between && shown < brightest && frame.material(i).is_some_and(begins_sharply)
+                {
+                    is_followed[i] = true;
+                    next.push(Chain { pixel: beside, faint: None, known: 0..0 });
+                }
+            }
+        }
+        next.sort_unstable_by_key(|chain| size.index(chain.pixel));
+        chains = next;
     }
     let mut glossy = Glossy::start(frame, &glossy);
     let sharp = |i: usize| values.specular[i];
@@ -456,14 +492,10 @@ impl Sweep<'_, '_> {
                     let first = rest.known.len();
                     let radiance = match (dx, dy) {
                         (0, 0) => Ok(self.specular.radiance(cell[0])),
-                        _ if self.follows_all => Err(None),
-                        _ => {
-                            let agreeing = agreeing.get_or_insert_with(|| self.agreeing(&cell));
-                            let surface = looks.surface(pixel);
-                            surface.map_or(Err(None), |surface| {
-                                self.specular(&surface, &cell, weights, agreeing, &mut rest.known)
-                            })
-                        }
+                        _ => looks.surface(pixel).map_or(Err(None), |surface| {
+                            let (agreeing, known) = (&mut agreeing, &mut rest.known);
+                            self.specular(&surface, &cell, weights, agreeing, known)
+                        }),
                     };
                     match radiance {
                         Ok(radiance) => values.specular[at] = radiance,
@@ -557,13 +589,14 @@ impl Sweep<'_, '_> {
     }
 
     /// What a surface that begins chains shows, if all corners that count are `agreeing`; if not, what of it comes by branches
-    /// that carry little, where the surface is seen around, too, and adds what comes by paths on which the corners agree.
+    /// that carry little, where the surface is seen around, too, and adds what comes by paths on which the corners agree. Where all
+    /// chains are followed, corners don't count. Whether they agree is asked once for a cell.
     fn specular(
         &self,
         surface: &Surface,
         cell: &[usize; 4],
         weights: [f32; 4],
-        agreeing: &[bool; 4],
+        agreeing: &mut Option<[bool; 4]>,
         known: &mut Vec<(Path, Rgb)>,
     ) -> Result<Rgb, Option<Rgb>> {
         let site = site_of(surface);
@@ -577,14 +610,15 @@ impl Sweep<'_, '_> {
         };
         let Some(corners) = Corners::new(cell, weights, is_shown) else { return Err(None) };
         let radiance = corners.blend(|i| self.specular.radiance(i));
-        let span = corners.span(|i| self.specular.radiance(i));
         let shown = self.coarse.finished.floor + radiance.luminance();
-        let limit = self.tolerance.edge * shown;
-        let agree = agreeing.iter().zip(weights).all(|(&agrees, weight)| agrees || weight == 0.0);
-        if agree && corners.is_whole && span <= limit {
-            return Ok(radiance);
-        }
-        if corners.is_whole {
+        if corners.is_whole && !self.follows_all {
+            let limit = self.tolerance.edge * shown;
+            let agreeing = agreeing.get_or_insert_with(|| self.agreeing(cell));
+            let agree = |(&agrees, weight): (&bool, f32)| agrees || weight == 0.0;
+            let are_even = agreeing.iter().zip(weights).all(agree);
+            if are_even && corners.span(|i| self.specular.radiance(i)) <= limit {
+                return Ok(radiance);
+            }
             let (by_pixel, tolerance) = (self.by_pixel, self.tolerance.error);
             self.specular.tell(by_pixel, &self.emitters, tolerance, &corners, limit, known);
         }

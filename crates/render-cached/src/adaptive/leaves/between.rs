@@ -267,8 +267,8 @@ impl Leaves {
         let frame = account.frame;
         let size = frame.size();
         let chains = follow(
-            frame,
             pixels,
+            self.faint,
             |chain| (chain.pixel, chain.faint.is_some().then(|| &known[chain.known.clone()])),
             account,
         )?;
