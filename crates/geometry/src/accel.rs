@@ -519,19 +519,51 @@ mod tests {
         assert_eq!(accel.triangles().collect::<Vec<_>>(), [corners]);
     }
 
-    #[test]
-    fn threads_change_nothing() {
+    /// So many small triangles in a cube.
+    fn crowd(n: u32) -> Mesh {
         let mut rng = Rng::new(0, Stream::Test, 0);
         let mut mesh = Mesh::default();
-        // Enough for all of obvhs's parallel steps but the first, a sum that has no order.
-        for i in 0..120_000 {
+        for i in 0..n {
             let mut point = || Vec3::new(rng.next_f32(), rng.next_f32(), rng.next_f32());
             let middle = point();
             mesh.positions.extend((0..3).map(|_| middle + point() * 0.02));
             mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
             mesh.materials.push(MaterialId(0));
         }
-        let meshes = [mesh];
+        mesh
+    }
+
+    #[test]
+    fn boxes_are_hardly_larger_than_what_they_hold() {
+        let accel = Accel::build(&[crowd(5000)], &[]);
+        let mut n_boxes = 0;
+        for node in &accel.nodes {
+            for (slot, child) in node.children.into_iter().enumerate() {
+                let planes = |of: &[[f32; 8]; 3]| Vec3A::from(of.map(|axis| axis[slot]));
+                let (min, max) = (planes(&node.min), planes(&node.max));
+                if min.x > max.x {
+                    continue;
+                }
+                let held = match child.n_primitives() {
+                    0 => accel.nodes[child.index() as usize].aabb(),
+                    _ => child
+                        .primitives()
+                        .map(|p| accel.primitives[p as usize].aabb(0.0))
+                        .fold(Aabb::INVALID, |all, one| all.union(&one)),
+                };
+                let more = (held.min - min).max(max - held.max);
+                let is_tight = more.min_element() >= 0.0 && more.max_element() < 0.01;
+                assert!(is_tight, "{more} around {held:?}");
+                n_boxes += 1;
+            }
+        }
+        assert!(n_boxes > 1000, "{n_boxes}");
+    }
+
+    #[test]
+    fn threads_change_nothing() {
+        // Enough for all of obvhs's parallel steps but the first, a sum that has no order.
+        let meshes = [crowd(120_000)];
         let build = |n_threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
             pool.install(|| Accel::build(&meshes, &[]))

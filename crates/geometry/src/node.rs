@@ -111,7 +111,7 @@ impl Node {
     }
 
     /// The box around all children.
-    fn aabb(&self) -> Aabb {
+    pub(crate) fn aabb(&self) -> Aabb {
         let of = |planes: [[f32; 8]; 3], extreme: fn(f32, f32) -> f32| {
             Vec3A::from(planes.map(|all| all.into_iter().reduce(extreme).unwrap_or(f32::NAN)))
         };
