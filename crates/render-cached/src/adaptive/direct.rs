@@ -6,10 +6,10 @@ use geometry::Surface;
 use rayon::prelude::*;
 use shade::{PixelStream, Shader, Work};
 
+use super::cells::Corners;
 use super::clear::Clear;
 use super::indirect::Indirect;
 use super::records::{Saved, Source};
-use super::subpixels::Corners;
 use super::{Account, COARSEST, View};
 
 /// Lights whose visibility is cached each on its own. The others share one, by channel; so do those of many colors.

@@ -7,6 +7,7 @@
 mod account;
 mod around;
 mod caustic;
+mod cells;
 mod clear;
 mod direct;
 mod glossy;

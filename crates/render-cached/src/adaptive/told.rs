@@ -3,9 +3,9 @@
 use base::{Components, Grid, Interrupted, Rgb, math::FRAC_1_PI};
 use cache_map::same_surface;
 
+use super::cells::Cells;
 use super::holdout::HeldOut;
 use super::primary::Primary;
-use super::subpixels::Cells;
 use super::view::as_seen;
 use super::{Account, ErrorReport, View};
 use crate::Args;

@@ -8,8 +8,8 @@ use glam::Vec3A;
 use shade::{ChainEmission, Path};
 
 use super::{Ends, Finished, Leaf, LeafRule, Leaves, follow, look_up};
+use crate::adaptive::cells::{Cells, Corners};
 use crate::adaptive::records::Saved;
-use crate::adaptive::subpixels::{Cells, Corners};
 use crate::adaptive::{Account, View};
 
 /// What each pixel shows by chains, once all is known.
