@@ -19,10 +19,6 @@ impl Cells {
         Self { size: coarse.size(), n: coarse.step() / frame.step() }
     }
 
-    pub(super) fn n(self) -> u32 {
-        self.n
-    }
-
     pub(super) fn n_subpixels(self) -> u32 {
         self.n * self.n
     }

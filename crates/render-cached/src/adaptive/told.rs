@@ -28,7 +28,7 @@ impl<'x, 'a> Told<'x, 'a> {
     ) -> Result<Self, Interrupted> {
         let cells = Cells::new(frame, coarse);
         account.frame = frame;
-        let held_out = HeldOut::between(args, cells.n(), account);
+        let held_out = HeldOut::between(args, cells.n, account);
         account.frame = coarse;
         Ok(Self { frame, cells, held_out: held_out? })
     }
