@@ -33,6 +33,8 @@ pub struct Lattice {
     whole: Vec<bool>,
     /// The same: whether no pixel has a site.
     empty: Vec<bool>,
+    /// The same: up to which step all pixels so far away, and three times as far, lie in its plane.
+    in_plane: Vec<u8>,
 }
 
 /// A square of pixels, by its place among such squares.
@@ -79,12 +81,17 @@ impl Lattice {
         let (width, columns) = (size.width as usize, size.width.div_ceil(BLOCK));
         let mut whole = vec![false; (columns * size.height.div_ceil(BLOCK)) as usize];
         let mut empty = vec![true; whole.len()];
+        let mut in_plane = vec![0; whole.len()];
         let rows = masks.par_chunks_mut(width * BLOCK as usize);
         let rows = rows.zip(has_site.par_chunks(width * BLOCK as usize));
-        let blocks = whole.par_chunks_mut(columns as usize);
-        let blocks = blocks.zip(empty.par_chunks_mut(columns as usize));
-        rows.zip(blocks).enumerate().for_each(|(by, ((masks, has_site), (whole, empty)))| {
-            for ((bx, whole), empty) in (0..columns).zip(whole).zip(empty) {
+        let blocks = (
+            whole.par_chunks_mut(columns as usize),
+            empty.par_chunks_mut(columns as usize),
+            in_plane.par_chunks_mut(columns as usize),
+        );
+        rows.zip(blocks).enumerate().for_each(|(by, ((masks, has_site), of_blocks))| {
+            let (whole, empty, reach) = of_blocks;
+            for (((bx, whole), empty), reach) in (0..columns).zip(whole).zip(empty).zip(reach) {
                 let (left, right) = (bx * BLOCK, ((bx + 1) * BLOCK).min(size.width));
                 *empty = !has_site
                     .chunks(width)
@@ -94,6 +101,7 @@ impl Lattice {
                 }
                 // Pixels up to this step have all their neighbours in the plane of the block.
                 let in_plane = planes.reach(bx, by as u32) * BLOCK / 3;
+                *reach = in_plane as u8;
                 for (dy, masks) in masks.chunks_mut(width).enumerate() {
                     let y = by as u32 * BLOCK + dy as u32;
                     let row = (bx * BLOCK..).zip(masks[(bx * BLOCK) as usize..].iter_mut());
@@ -115,7 +123,7 @@ impl Lattice {
                 *whole = is_inside && (in_plane >= SMALL || (0..BLOCK).all(is_filled));
             }
         });
-        Self { size, has_site, masks, whole, empty }
+        Self { size, has_site, masks, whole, empty, in_plane }
     }
 
     /// Width and height.
@@ -167,6 +175,12 @@ impl Lattice {
     /// Whether all pixels of a block with steps up to [`SMALL`] have all their neighbours.
     pub(crate) fn is_whole(&self, Block { x, y }: Block) -> bool {
         self.whole[(y * self.size.width.div_ceil(BLOCK) + x) as usize]
+    }
+
+    /// Up to which step all pixels so far from one in a block, and three times as far, show its plane.
+    #[inline]
+    pub(crate) fn in_plane(&self, block: usize) -> u32 {
+        self.in_plane[block].into()
     }
 
     pub(crate) fn has_site(&self, index: usize) -> bool {

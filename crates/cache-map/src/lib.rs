@@ -29,6 +29,7 @@ mod record_file;
 mod records;
 mod refine;
 mod sampling;
+mod spaced;
 mod weight;
 
 pub use candidates::TILE;
@@ -41,4 +42,5 @@ pub use record_file::{RECORDS_KIND, RECORDS_VERSION, RecordSet};
 pub use records::{Nearby, RecordIndex, RecordPoint, Records};
 pub use refine::{Rule, Tolerance, Trace, refine};
 pub use sampling::{choose_pixels, choose_pixels_in};
+pub use spaced::{Steps, refine_spaced};
 pub use weight::error_between;

@@ -35,7 +35,7 @@ pub struct Tolerance {
     pub edge: f32,
 }
 
-enum Decision<T> {
+pub(crate) enum Decision<T> {
     Trace(Reason),
     Take(T),
 }
@@ -57,19 +57,6 @@ pub fn refine<T: Value, E>(
     trace: &mut Trace<'_, T, E>,
 ) -> Result<(), E> {
     let size = lattice.size();
-    let mut settle =
-        |layer: &mut Layer<T>, traced: Vec<(Pixel, Reason)>, h: u32| -> Result<(), E> {
-            let pixels: Vec<Pixel> = traced.iter().map(|t| t.0).collect();
-            let values = trace(&pixels)?;
-            for ((pixel, reason), value) in traced.into_iter().zip(values) {
-                let i = size.index(pixel);
-                layer.values[i] = value;
-                layer.reasons[i] = reason;
-                layer.levels[i] = h.trailing_zeros() as u8;
-            }
-            Ok(())
-        };
-
     // The coarsest lattice is traced, but for pixels where the value doesn't matter.
     let mut coarse = Vec::new();
     for y in (0..size.height).step_by(coarsest as usize) {
@@ -81,7 +68,7 @@ pub fn refine<T: Value, E>(
             }
         }
     }
-    settle(layer, coarse, coarsest)?;
+    settle(layer, lattice, coarsest, coarse, trace)?;
 
     let mut h = coarsest / 2;
     while h >= 1 {
@@ -90,11 +77,51 @@ pub fn refine<T: Value, E>(
             let pass = Pass { lattice, tolerance, h, rank };
             pass.find_calm(layer, rule, &mut calm);
             let to_trace = pass.predict(layer, rule, &calm);
-            settle(layer, to_trace, h)?;
+            settle(layer, lattice, coarsest, to_trace, trace)?;
         }
         h /= 2;
     }
     Ok(())
+}
+
+/// Computes the values of pixels.
+pub(crate) fn settle<T: Value, E>(
+    layer: &mut Layer<T>,
+    lattice: &Lattice,
+    coarsest: u32,
+    traced: Vec<(Pixel, Reason)>,
+    trace: &mut Trace<'_, T, E>,
+) -> Result<(), E> {
+    let pixels: Vec<Pixel> = traced.iter().map(|t| t.0).collect();
+    let values = trace(&pixels)?;
+    for ((pixel, reason), value) in traced.into_iter().zip(values) {
+        let i = lattice.size().index(pixel);
+        layer.values[i] = value;
+        layer.reasons[i] = reason;
+        layer.levels[i] = lattice.step(i).min(coarsest).trailing_zeros() as u8;
+    }
+    Ok(())
+}
+
+/// Keeps what was predicted, in rows from the first on and so far apart, from neighbours `step` away. The others are to be
+/// traced.
+pub(crate) fn keep<T: Value>(
+    layer: &mut Layer<T>,
+    size: ImageSize,
+    (first, apart): (u32, u32),
+    rows: Vec<Row<T>>,
+    step: u32,
+) -> Vec<(Pixel, Reason)> {
+    let width = size.width as usize;
+    let (first, apart) = ((first as usize * width).min(size.n_pixels()), apart as usize * width);
+    let values = layer.values[first..].par_chunks_mut(apart);
+    let values = values.zip(layer.levels[first..].par_chunks_mut(apart));
+    values.zip(&rows).for_each(|((values, levels), row)| {
+        for &(x, value) in &row.predicted {
+            (values[x as usize], levels[x as usize]) = (value, step.trailing_zeros() as u8);
+        }
+    });
+    rows.into_iter().flat_map(|row| row.to_trace).collect()
 }
 
 /// The prediction of all pixels of a rank.
@@ -107,10 +134,10 @@ struct Pass<'x> {
 }
 
 /// What a row has of a rank.
-struct Row<T> {
+pub(crate) struct Row<T> {
     /// By column.
-    predicted: Vec<(u32, T)>,
-    to_trace: Vec<(Pixel, Reason)>,
+    pub(crate) predicted: Vec<(u32, T)>,
+    pub(crate) to_trace: Vec<(Pixel, Reason)>,
 }
 
 impl Pass<'_> {
@@ -133,18 +160,10 @@ impl Pass<'_> {
         rule: &impl Rule<T>,
         calm: &[bool],
     ) -> Vec<(Pixel, Reason)> {
-        let ImageSize { width, height } = self.lattice.size();
-        let (h, this) = (self.h as usize, &*layer);
-        let rows: Vec<Row<T>> =
-            (0..height).into_par_iter().step_by(h).map(|y| self.row(this, rule, y, calm)).collect();
-        let apart = width as usize * h;
-        let values = layer.values.par_chunks_mut(apart).zip(layer.levels.par_chunks_mut(apart));
-        values.zip(&rows).for_each(|((values, levels), row)| {
-            for &(x, value) in &row.predicted {
-                (values[x as usize], levels[x as usize]) = (value, h.trailing_zeros() as u8);
-            }
-        });
-        rows.into_iter().flat_map(|row| row.to_trace).collect()
+        let (size, h, this) = (self.lattice.size(), self.h, &*layer);
+        let rows = (0..size.height).into_par_iter().step_by(h as usize);
+        let rows: Vec<Row<T>> = rows.map(|y| self.row(this, rule, y, calm)).collect();
+        keep(layer, size, (0, h), rows, h)
     }
 
     fn row<T: Value>(self, layer: &Layer<T>, rule: &impl Rule<T>, y: u32, calm: &[bool]) -> Row<T> {
@@ -243,21 +262,10 @@ impl Pass<'_> {
         let (mut error, mut span) = (0.0_f32, 0.0_f32);
         for (line, direction) in lines(rank).into_iter().enumerate() {
             let mask = mask >> (4 * line);
-            if mask & NEAR != NEAR {
-                continue;
-            }
             let at = |steps| layer.values[self.neighbour(i, direction, steps)];
-            let (a, b) = (at(-1), at(1));
-            let linear = (a + b) * 0.5;
-            let cubic = match (mask & FAR_BEFORE != 0, mask & FAR_AFTER != 0) {
-                (true, true) => cubic(at(-3), a, b, at(3)),
-                (true, false) => a * (6.0 / 8.0) + b * (3.0 / 8.0) - at(-3) * (1.0 / 8.0),
-                (false, true) => b * (6.0 / 8.0) + a * (3.0 / 8.0) - at(3) * (1.0 / 8.0),
-                (false, false) => linear,
-            };
-            error = error.max((cubic - linear).size());
-            span = span.max((a - b).size());
-            predictions[n] = cubic;
+            let Some(line) = Line::new(mask, at) else { continue };
+            (error, span) = (error.max(line.error), span.max(line.span));
+            predictions[n] = line.predicted;
             n += 1;
         }
         let predicted = match n {
@@ -277,6 +285,42 @@ impl Pass<'_> {
         } else {
             Decision::Take(predicted)
         }
+    }
+}
+
+/// What neighbours on a line through a pixel tell.
+pub(crate) struct Line<T> {
+    pub(crate) predicted: T,
+    /// The difference of the embedded pair.
+    pub(crate) error: f32,
+    /// The difference of the two that are near.
+    pub(crate) span: f32,
+    /// The difference of what lies straight on from the two before and the two behind: as large as the span where an edge lies
+    /// between, of third order elsewhere. 0 if one of the far ones is missing.
+    pub(crate) jump: f32,
+}
+
+impl<T: Value> Line<T> {
+    /// Of the neighbours that a mask names, at these steps; nothing if one of the near ones is missing.
+    #[inline]
+    pub(crate) fn new(mask: u8, at: impl Fn(i64) -> T) -> Option<Self> {
+        if mask & NEAR != NEAR {
+            return None;
+        }
+        let (a, b) = (at(-1), at(1));
+        let linear = (a + b) * 0.5;
+        let mut jump = 0.0;
+        let predicted = match (mask & FAR_BEFORE != 0, mask & FAR_AFTER != 0) {
+            (true, true) => {
+                let (before, after) = (at(-3), at(3));
+                jump = ((a - b) * 1.5 - (before - after) * 0.5).size();
+                cubic(before, a, b, after)
+            }
+            (true, false) => a * (6.0 / 8.0) + b * (3.0 / 8.0) - at(-3) * (1.0 / 8.0),
+            (false, true) => b * (6.0 / 8.0) + a * (3.0 / 8.0) - at(3) * (1.0 / 8.0),
+            (false, false) => linear,
+        };
+        Some(Self { predicted, error: (predicted - linear).size(), span: (a - b).size(), jump })
     }
 }
 

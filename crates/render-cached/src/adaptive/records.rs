@@ -11,7 +11,7 @@ use anyhow::bail;
 use base::{Fingerprint, FingerprintBuilder, Interrupted, Inventory, Pixel};
 use cache_map::{
     Lattice, Layer, Nearby, Reason, RecordIndex, RecordPoint, RecordSet, Records, Rule,
-    SurfacePoint, Tolerance, Value, refine,
+    SurfacePoint, Tolerance, Trace, Value, refine,
 };
 use mapfile::{Error, MapFile};
 
@@ -166,10 +166,33 @@ impl<T: Value> Source<T> {
         account: &mut Account<'_, '_>,
         trace: impl Fn(&mut Account<'_, '_>, &[Pixel]) -> Result<Vec<T>, Interrupted>,
     ) -> Result<(), Interrupted> {
+        let run = |layer: &mut Layer<T>, trace: &mut Trace<'_, T, Interrupted>| {
+            refine(lattice, layer, coarsest, rule, tolerance, trace)
+        };
+        self.refine_by(run, lattice, layer, coarsest, rule, tolerance, place, account, trace)
+    }
+
+    /// The same, but `run` fills the layer: it says what to compute.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "those of what it extends, and where values come from"
+    )]
+    pub(crate) fn refine_by(
+        &self,
+        run: impl FnOnce(&mut Layer<T>, &mut Trace<'_, T, Interrupted>) -> Result<(), Interrupted>,
+        lattice: &Lattice,
+        layer: &mut Layer<T>,
+        coarsest: u32,
+        rule: &impl Rule<T>,
+        tolerance: Tolerance,
+        place: impl Fn(usize) -> Option<Place> + Sync,
+        account: &mut Account<'_, '_>,
+        trace: impl Fn(&mut Account<'_, '_>, &[Pixel]) -> Result<Vec<T>, Interrupted>,
+    ) -> Result<(), Interrupted> {
         let size = lattice.size();
         layer.forget_nearby();
         let mut taken = Vec::new();
-        refine(lattice, layer, coarsest, rule, tolerance, &mut |pixels: &[Pixel]| {
+        run(layer, &mut |pixels: &[Pixel]| {
             let take = |&pixel: &Pixel| {
                 let i = size.index(pixel);
                 let step = lattice.step(i).min(rule.spacing(pixel) as u32).min(coarsest);

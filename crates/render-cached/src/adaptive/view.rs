@@ -1,7 +1,9 @@
 //! What the eye sees, as the cache sees it.
 
-use base::{Grid, ImageSize, Pixel, Rgb, math::FRAC_1_PI};
-use cache_map::{Lattice, SurfacePoint};
+use std::f32::consts::LOG2_E;
+
+use base::{Grid, ImageSize, Pixel, Rgb, math, math::FRAC_1_PI};
+use cache_map::{Lattice, SurfacePoint, same_surface};
 use geometry::Surface;
 use glam::{Vec2, Vec3A};
 use rayon::prelude::*;
@@ -81,6 +83,24 @@ impl View {
         across / slant
     }
 
+    /// How much farther it is on a surface from a pixel to the one below than to the one beside it, as a power of two; 0 where
+    /// these show others.
+    pub(crate) fn skew(&self, pixel: Pixel) -> f32 {
+        let ImageSize { width, height } = self.size;
+        let Some(site) = &self.sites[pixel] else { return 0.0 };
+        let distance_to = |beside: [Pixel; 2]| {
+            let same =
+                beside.into_iter().filter(|&p| p != pixel).filter_map(|p| self.sites[p].as_ref());
+            let mut same = same.filter(|other| same_surface(other, site));
+            same.next().map_or(0.0, |other| other.position.distance(site.position))
+        };
+        let Pixel { x, y } = pixel;
+        let beside = [(x + 1).min(width - 1), x.saturating_sub(1)].map(|x| Pixel { x, y });
+        let below = [(y + 1).min(height - 1), y.saturating_sub(1)].map(|y| Pixel { x, y });
+        let ratio = distance_to(below) / distance_to(beside);
+        if ratio > 0.0 && ratio.is_finite() { math::ln(ratio) * LOG2_E } else { 0.0 }
+    }
+
     /// The length that a pixel spans at the depth of a surface, and the cosine of the surface.
     fn across(&self, site: &SurfacePoint) -> (f32, f32) {
         let (position, normal) = (Vec3A::from(site.position), Vec3A::from(site.normal));
@@ -101,12 +121,10 @@ impl View {
         Some(Place { surface, pixel: self.footprint(&surface) })
     }
 
-    /// The pixels of the coarsest lattice that show a diffuse surface.
+    /// A pixel of each cell of the coarsest lattice that shows a diffuse surface: its first, or another where that doesn't.
     pub(crate) fn coarse_pixels(&self) -> Vec<Pixel> {
-        let all = (0..self.size.height).step_by(COARSEST as usize).flat_map(|y| {
-            (0..self.size.width).step_by(COARSEST as usize).map(move |x| Pixel { x, y })
-        });
-        all.filter(|&p| self.sites[p].is_some()).collect()
+        let one_of = |cell| self.some_pixels(cell).find(|&pixel| self.sites[pixel].is_some());
+        (0..self.n_cells()).filter_map(one_of).collect()
     }
 
     /// A number for the cell of the coarsest lattice in which a pixel lies.
