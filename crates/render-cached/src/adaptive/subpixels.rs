@@ -120,29 +120,18 @@ pub(super) fn render(
     let (size, shader) = (frame.size(), frame.shader());
     let Coarse { view, primary, finished, strictness, .. } = coarse;
     let cells = Cells::new(frame, coarse.frame);
-    // What a whole pixel shows by chains is followed, but for branches that carry little.
-    let follows_all = view.apart() > 1;
+    let are_pixels = view.apart() > 1;
     let by_pixel = specular.by_pixel(view.size().n_pixels());
     // Fresh memory is black: the sweep is the first to touch it.
     let mut values = Components::from_fn(|_| bytemuck::zeroed_vec(size.n_pixels()));
     let scaled = |Tolerance { error, edge }, by| Tolerance { error: by * error, edge: by * edge };
-    let (of_light, of_ends) = if follows_all { (NARROWER, 1.0) } else { (1.0, WIDER) };
+    let (of_light, of_ends) = if are_pixels { (NARROWER, 1.0) } else { (1.0, WIDER) };
     let tolerance = scaled(strictness.tolerance(Component::Direct), of_light);
     let emitters = shader.scene.lights.iter().filter_map(Light::enclosing_sphere).collect();
     let by_pixel = &by_pixel;
     let places = (0..cells.n).flat_map(|y| (0..cells.n).map(move |x| Pixel { x, y }));
     let weights = places.map(|pixel| bilinear(cells.place(pixel))).collect();
-    let sweep = Sweep {
-        frame,
-        coarse,
-        cells,
-        weights,
-        specular,
-        by_pixel,
-        emitters,
-        tolerance,
-        follows_all,
-    };
+    let sweep = Sweep { frame, coarse, cells, weights, specular, by_pixel, emitters, tolerance };
     let n_rows = view.size().height as usize;
     let rest = account.watched(n_rows, |watch| sweep.all(&mut values, watch))?;
     let Rest { alone, lights, caustic, chains, known } = rest;
@@ -289,8 +278,6 @@ struct Sweep<'x, 'a> {
     /// Spheres around them.
     emitters: Vec<(Vec3A, f32)>,
     tolerance: Tolerance,
-    /// Whether chains are followed from whatever isn't a coarse pixel.
-    follows_all: bool,
 }
 
 /// Radiance of the subpixels of some rows.
@@ -467,8 +454,8 @@ impl Sweep<'_, '_> {
     }
 
     /// What a surface that begins chains shows, if all corners that count are `agreeing`; if not, what of it comes by branches
-    /// that carry little, where the surface is seen around, too, and adds what comes by paths on which the corners agree. Where all
-    /// chains are followed, corners don't count. Whether they agree is asked once for a cell.
+    /// that carry little, where the surface is seen around, too, and adds what comes by paths on which the corners agree. Whether
+    /// all of them do is asked once for a cell.
     fn specular(
         &self,
         surface: &Surface,
@@ -489,7 +476,7 @@ impl Sweep<'_, '_> {
         let Some(corners) = Corners::new(cell, weights, is_shown) else { return Err(None) };
         let radiance = corners.blend(|i| self.specular.radiance(i));
         let shown = self.coarse.finished.floor + radiance.luminance();
-        if corners.is_whole && !self.follows_all {
+        if corners.is_whole {
             let limit = self.tolerance.edge * shown;
             let agreeing = agreeing.get_or_insert_with(|| self.agreeing(cell));
             let agree = |(&agrees, weight): (&bool, f32)| agrees || weight == 0.0;
