@@ -41,16 +41,21 @@ pub fn refine_spaced<T: Value, E>(
     trace: &mut Trace<'_, T, E>,
 ) -> Result<(), E> {
     let size = lattice.size();
-    let steps_at = |i: usize| {
-        let pixel = size.pixel(i);
-        let Pixel { x, y } = pixel;
-        let first = Pixel { x: x / BLOCK * BLOCK, y: y / BLOCK * BLOCK };
-        let asked = if lattice.has_no_edge_around(pixel) { first } else { pixel };
-        steps(asked).map(|step| step.min(coarsest) as u8)
-    };
-    let steps: Vec<[u8; 2]> =
-        (0..size.n_pixels()).into_par_iter().with_min_len(4096).map(steps_at).collect();
-    let spaced = Spaced { lattice, sites, steps: &steps, coarsest, tolerance };
+    let steps = |pixel| steps(pixel).map(|step| step.min(coarsest) as u8);
+    let mut all = vec![[1; 2]; size.n_pixels()];
+    let rows = all.par_chunks_mut((size.width * BLOCK) as usize);
+    rows.enumerate().for_each(|(by, rows)| {
+        for bx in 0..size.width.div_ceil(BLOCK) {
+            let first = Pixel { x: bx * BLOCK, y: by as u32 * BLOCK };
+            let of_block = lattice.has_no_edge_around(first).then(|| steps(first));
+            for (y, row) in (first.y..).zip(rows.chunks_mut(size.width as usize)) {
+                for (x, at) in (first.x..).zip(&mut row[first.x as usize..]).take(BLOCK as usize) {
+                    *at = of_block.unwrap_or_else(|| steps(Pixel { x, y }));
+                }
+            }
+        }
+    });
+    let spaced = Spaced { lattice, sites, steps: &all, coarsest, tolerance };
     let samples = spaced.samples(layer, rule);
     settle(layer, lattice, coarsest, samples, trace)?;
     let halves = || successors(Some(coarsest), |&step| (step > 1).then_some(step / 2));

@@ -27,7 +27,7 @@ const SHADING: u64 = 32;
 const PAPER: u64 = 205;
 
 /// What mode adaptive takes at most, and of each light whose visibility is cached.
-const ADAPTIVE: u64 = 235;
+const ADAPTIVE: u64 = 243;
 const CACHED_LIGHT: u64 = 20;
 
 /// What is left of a pixel when all are worked on after every fourth was tried.

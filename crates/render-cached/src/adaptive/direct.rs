@@ -30,8 +30,8 @@ pub(crate) struct Direct {
     lights: Vec<CachedLight>,
     /// All other lights together.
     rest: Option<Rest>,
-    /// Luminance of the whole irradiance.
-    luminance: Vec<f32>,
+    /// That of all together.
+    irradiance: Vec<Rgb>,
 }
 
 /// What isn't known of direct light between pixels.
@@ -108,43 +108,31 @@ impl Direct {
                 source: saved.source(&saved.set.rest),
             });
         }
-        Ok(Self { lights, rest, luminance: vec![0.0; n] })
+        Ok(Self { lights, rest, irradiance: vec![Rgb::BLACK; n] })
     }
 
+    #[inline]
     pub(crate) fn irradiance(&self, index: usize) -> Rgb {
-        let separate: Rgb =
-            self.lights.iter().map(|l| l.unshadowed[index] * l.visibility.values[index]).sum();
-        separate + self.rest_irradiance(index)
+        self.irradiance[index]
     }
 
     /// The same of all pixels.
-    pub(crate) fn into_irradiance(mut self) -> Vec<Rgb> {
-        // Into memory that is there already.
-        let mut all = match self.lights.first_mut() {
-            Some(light) => std::mem::take(&mut light.unshadowed),
-            None => vec![Rgb::BLACK; self.luminance.len()],
-        };
-        all.par_iter_mut().with_min_len(4096).enumerate().for_each(|(i, all)| {
-            let visible = |(n, l): (usize, &CachedLight)| {
-                let unshadowed = if n == 0 { *all } else { l.unshadowed[i] };
-                unshadowed * l.visibility.values[i]
-            };
-            let separate: Rgb = self.lights.iter().enumerate().map(visible).sum();
-            *all = separate + self.rest_irradiance(i);
-        });
-        all
+    pub(crate) fn into_irradiance(self) -> Vec<Rgb> {
+        self.irradiance
     }
 
-    /// Irradiance from the lights that share a visibility.
-    fn rest_irradiance(&self, index: usize) -> Rgb {
+    /// The sum of all lights' irradiance.
+    fn sum(&self, index: usize) -> Rgb {
+        let of_light = |l: &CachedLight| l.unshadowed[index] * l.visibility.values[index];
         let of_rest = |rest: &Rest| rest.unshadowed[index] * rest.visibility.values[index];
-        self.rest.as_ref().map_or(Rgb::BLACK, of_rest)
+        let separate: Rgb = self.lights.iter().map(of_light).sum();
+        separate + self.rest.as_ref().map_or(Rgb::BLACK, of_rest)
     }
 
     /// Luminance of [`Direct::irradiance`].
     #[inline]
     pub(crate) fn luminance(&self, index: usize) -> f32 {
-        self.luminance[index]
+        self.irradiance[index].luminance()
     }
 
     /// Irradiance between the pixels of a cell that begins at `first`, given that of all else: without the parts (lights, and those that share a visibility) whose
@@ -279,7 +267,7 @@ impl Direct {
             .iter()
             .map(|l| &l.visibility.reasons)
             .chain(self.rest.iter().map(|r| &r.visibility.reasons));
-        let mut reasons = vec![Reason::Interpolated; self.luminance.len()];
+        let mut reasons = vec![Reason::Interpolated; self.irradiance.len()];
         for layer in layers {
             for (reason, &r) in reasons.iter_mut().zip(layer) {
                 if *reason == Reason::Interpolated
@@ -300,7 +288,7 @@ impl Direct {
             .map(|l| &l.visibility.levels)
             .chain(self.rest.iter().map(|r| &r.visibility.levels))
             .next();
-        first.cloned().unwrap_or_else(|| vec![0; self.luminance.len()])
+        first.cloned().unwrap_or_else(|| vec![0; self.irradiance.len()])
     }
 
     pub(crate) fn refine(
@@ -378,7 +366,8 @@ impl Direct {
                 },
             )?;
         }
-        self.luminance = (0..known.len()).map(|i| self.irradiance(i).luminance()).collect();
+        let all = (0..known.len()).into_par_iter().with_min_len(4096);
+        self.irradiance = all.map(|i| self.sum(i)).collect();
         Ok(())
     }
 }

@@ -41,12 +41,8 @@ const FROM_AFAR: f32 = 0.5;
 /// Pixels whose chains are followed together.
 const TOGETHER: usize = 16;
 
-/// Branches that carry less than this are seen alike by the subpixels of a pixel.
+/// Branches that carry less than this are seen alike by what lies in a cell.
 const FAINT: f32 = 0.01;
-
-/// The same by pixels beside each other. Images of a lamp that are smaller than a pixel are lost where they are faint: so that none
-/// of them was seen, fewer branches are.
-const FAINT_TO_PIXELS: f32 = 0.004;
 
 /// A diffuse surface at the end of a chain. There are more of them than pixels, and few are computed: those are found
 /// again by their pixel and path, so that this is small.
@@ -110,23 +106,16 @@ pub(crate) struct Leaves {
     radiance: Vec<Rgb>,
     /// The pixels whose chains have glossy ends, too: these ends are left to [`super::glossy`].
     glossy: Vec<Pixel>,
-    /// Branches that carry less than this are faint.
-    faint: f32,
     source: Source<Rgb>,
     around: Around,
 }
 
 impl Leaves {
-    /// Follows all chains that begin sharply in the picture of a view.
-    pub(crate) fn start(
-        view: &View,
-        saved: &Saved,
-        account: &mut Account<'_, '_>,
-    ) -> Result<Self, Interrupted> {
+    /// Follows all chains that begin sharply.
+    pub(crate) fn start(saved: &Saved, account: &mut Account<'_, '_>) -> Result<Self, Interrupted> {
         let frame = account.frame;
-        let faint = if view.apart() > 1 { FAINT_TO_PIXELS } else { FAINT };
         let pixels: Vec<Pixel> = frame.pixels_that_show(begins_sharply).collect();
-        let chains = follow(&pixels, faint, |&pixel| (pixel, None), account)?;
+        let chains = follow(&pixels, |&pixel| (pixel, None), account)?;
         let mut emitted = Grid::from_fn(frame.size(), |_| Rgb::BLACK);
         let (mut emissions, mut glossy) = (Vec::new(), Vec::new());
         for &(pixel, emission, is_glossy) in chains.iter().flat_map(|c| &c.0) {
@@ -147,7 +136,6 @@ impl Leaves {
             irradiance,
             radiance,
             glossy,
-            faint,
             source,
             around,
         })
@@ -277,10 +265,9 @@ pub(super) fn begins_sharply(material: &Material) -> bool {
 type Chains = (Vec<(Pixel, ChainEmission, bool)>, Vec<Leaf>);
 
 /// Follows the chains of some pixels, in groups: `of` tells the pixel, and, if the branches that carry little aren't to be
-/// followed, what is known of others. Less than `faint` is little.
+/// followed, what is known of others.
 fn follow<'k, T: Sync>(
     items: &[T],
-    faint: f32,
     of: impl Fn(&T) -> (Pixel, Option<&'k [(Path, Rgb)]>) + Sync,
     account: &mut Account<'_, '_>,
 ) -> Result<Vec<Chains>, Interrupted> {
@@ -302,10 +289,10 @@ fn follow<'k, T: Sync>(
                 }
             };
             let emission = frame.at(pixel, work, |point, stream, work| match known {
-                None => shader.chain_by_parts(point, stream, faint, work, |leaf, _| arrive(leaf)),
+                None => shader.chain_by_parts(point, stream, FAINT, work, |leaf, _| arrive(leaf)),
                 Some(known) => {
                     let arrive = |leaf: ChainLeaf<'_>, _: &mut Work| arrive(leaf);
-                    let all = shader.bright_chain(point, stream, faint, known, work, arrive);
+                    let all = shader.bright_chain(point, stream, FAINT, known, work, arrive);
                     ChainEmission { all, faint: Rgb::BLACK }
                 }
             });

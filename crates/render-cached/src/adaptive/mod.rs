@@ -135,7 +135,7 @@ pub(crate) fn render(
         strictness.tighten(&report, factor);
         primary.improve(report.worst, &view, factor, &strictness, &mut account)?;
     }
-    let mut specular = Leaves::start(&view, &saved, &mut account)?;
+    let mut specular = Leaves::start(&saved, &mut account)?;
     let mut glossy = Glossy::start(frame, specular.glossy_pixels());
     let mut round = 0;
     let mut view_is_better = false;

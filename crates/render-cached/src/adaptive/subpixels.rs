@@ -42,10 +42,7 @@ pub(super) struct Coarse<'x, 'a> {
 /// A picture of so many pixels is large.
 const LARGE: usize = 1 << 20;
 
-/// Of a whole pixel all errors are seen, where those of subpixels make up for each other: tolerances are so much of what they are else.
-const NARROWER: f32 = 0.5;
-
-/// Tolerances at ends of chains are so much wider: a pixel is the mean of its subpixels, of which the first is exact.
+/// Tolerances at ends of chains are so much wider: most of what lies around them is told, and one of four exact.
 const WIDER: f32 = 3.0;
 
 /// A subpixel whose chains were followed may be so much brighter than those beside it before theirs are, too.
@@ -120,13 +117,10 @@ pub(super) fn render(
     let (size, shader) = (frame.size(), frame.shader());
     let Coarse { view, primary, finished, strictness, .. } = coarse;
     let cells = Cells::new(frame, coarse.frame);
-    let are_pixels = view.apart() > 1;
     let by_pixel = specular.by_pixel(view.size().n_pixels());
     // Fresh memory is black: the sweep is the first to touch it.
     let mut values = Components::from_fn(|_| bytemuck::zeroed_vec(size.n_pixels()));
-    let scaled = |Tolerance { error, edge }, by| Tolerance { error: by * error, edge: by * edge };
-    let (of_light, of_ends) = if are_pixels { (NARROWER, 1.0) } else { (1.0, WIDER) };
-    let tolerance = scaled(strictness.tolerance(Component::Direct), of_light);
+    let tolerance = strictness.tolerance(Component::Direct);
     let emitters = shader.scene.lights.iter().filter_map(Light::enclosing_sphere).collect();
     let by_pixel = &by_pixel;
     let places = (0..cells.n).flat_map(|y| (0..cells.n).map(move |x| Pixel { x, y }));
@@ -186,7 +180,8 @@ pub(super) fn render(
         (values.caustic[i], reasons.caustic[i]) = (radiance, Reason::Edge);
     }
 
-    let tolerance = scaled(strictness.tolerance(Component::Specular), of_ends);
+    let Tolerance { error, edge } = strictness.tolerance(Component::Specular);
+    let tolerance = Tolerance { error: WIDER * error, edge: WIDER * edge };
     let first = |&Pixel { x, y }: &Pixel| Pixel { x: x * cells.n, y: y * cells.n };
     let mut glossy: Vec<Pixel> = specular.glossy_pixels().iter().map(first).collect();
     let (mut chains, mut is_followed) = (chains, vec![false; size.n_pixels()]);
@@ -244,25 +239,22 @@ fn spread<T: Copy + Default + Send + Sync>(of: &[T], cells: Cells, size: ImageSi
     all
 }
 
-#[inline]
-fn mean(values: &[Rgb; 4], weights: [f32; 4]) -> Rgb {
-    values.iter().zip(weights).fold(Rgb::BLACK, |sum, (&value, weight)| sum + value * weight)
-}
-
 /// What the corners of a cell show that lies on one surface.
 struct Even {
     site: SurfacePoint,
-    /// Irradiance.
-    direct: [Rgb; 4],
-    indirect: [Rgb; 4],
-    caustic: [Rgb; 4],
+    /// Direct, indirect and caustic irradiance.
+    irradiance: [[Vec3A; 4]; 3],
 }
 
 impl Even {
     /// The light in between; what of it is seen by so much albedo.
     #[inline]
     fn radiance(&self, albedo: Rgb, weights: [f32; 4]) -> [Rgb; 3] {
-        [&self.direct, &self.indirect, &self.caustic].map(|of| albedo * mean(of, weights))
+        let albedo = Vec3A::from(albedo.to_array());
+        self.irradiance.map(|[a, b, c, d]| {
+            let [wa, wb, wc, wd] = weights;
+            Rgb::from((albedo * (a * wa + b * wb + c * wc + d * wd)).to_array())
+        })
     }
 }
 
@@ -380,18 +372,24 @@ impl Sweep<'_, '_> {
     fn even(&self, first: Pixel, cell: &[usize; 4]) -> Option<Even> {
         let Coarse { view, primary, finished, .. } = self.coarse;
         let site = view.sites.values()[cell[0]]?;
-        let even = Even {
-            site,
-            direct: cell.map(|i| primary.direct.irradiance(i)),
-            indirect: cell.map(|i| primary.indirect.irradiance(i)),
-            caustic: cell.map(|i| primary.caustic.irradiance(i)),
-        };
+        let Primary { direct, indirect, caustic } = primary;
+        let of_caustic = cell.map(|i| caustic.irradiance(i));
         let dark = finished.floor / view.gain(cell[0]).max(f32::MIN_POSITIVE);
-        let others = dark + (even.indirect[0] + even.caustic[0]).luminance();
-        let most = self.tolerance.edge * (others + even.direct[0].luminance());
-        let differs = |values: &[Rgb; 4]| values.iter().any(|&v| (v - values[0]).size() > most);
-        let is_even = !differs(&even.caustic) && primary.direct.is_even(cell, first, most);
-        is_even.then_some(even)
+        let others = indirect.irradiance(cell[0]) + of_caustic[0];
+        let all = dark + others.luminance() + direct.luminance(cell[0]);
+        let most = self.tolerance.edge * all;
+        if of_caustic.iter().any(|&v| (v - of_caustic[0]).size() > most)
+            || !direct.is_even(cell, first, most)
+        {
+            return None;
+        }
+        let vector = |irradiance: Rgb| Vec3A::from(irradiance.to_array());
+        let irradiance = [
+            cell.map(|i| vector(direct.irradiance(i))),
+            cell.map(|i| vector(indirect.irradiance(i))),
+            of_caustic.map(vector),
+        ];
+        Some(Even { site, irradiance })
     }
 
     /// The triangle or sphere that a coarse pixel shows, and its albedo over pi, if that is the same everywhere on it and

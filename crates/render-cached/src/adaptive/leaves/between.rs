@@ -139,6 +139,9 @@ impl Leaves {
         if is_lit(a) || is_lit(b) {
             return false;
         }
+        if a == b {
+            return true;
+        }
         let differ = |_, is_little| match is_little {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),
@@ -268,7 +271,6 @@ impl Leaves {
         let size = frame.size();
         let chains = follow(
             pixels,
-            self.faint,
             |chain| (chain.pixel, chain.faint.is_some().then(|| &known[chain.known.clone()])),
             account,
         )?;
