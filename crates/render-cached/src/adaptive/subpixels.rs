@@ -42,7 +42,8 @@ pub(super) struct Coarse<'x, 'a> {
 /// A picture of so many pixels is large.
 const LARGE: usize = 1 << 20;
 
-/// Tolerances at ends of chains are so much wider: most of what lies around them is told, and one of four exact.
+/// Tolerances of chains are so much wider: most of what lies around is told, and one of four exact. Whether paths of whole pixels agree
+/// isn't among them: there errors are seen one by one.
 const WIDER: f32 = 3.0;
 
 /// A subpixel whose chains were followed may be so much brighter than those beside it before theirs are, too.
@@ -121,11 +122,13 @@ pub(super) fn render(
     // Fresh memory is black: the sweep is the first to touch it.
     let mut values = Components::from_fn(|_| bytemuck::zeroed_vec(size.n_pixels()));
     let tolerance = strictness.tolerance(Component::Direct);
+    let of_paths = if view.apart() > 1 { tolerance.error } else { WIDER * tolerance.error };
     let emitters = shader.scene.lights.iter().filter_map(Light::enclosing_sphere).collect();
     let by_pixel = &by_pixel;
     let places = (0..cells.n).flat_map(|y| (0..cells.n).map(move |x| Pixel { x, y }));
     let weights = places.map(|pixel| bilinear(cells.place(pixel))).collect();
-    let sweep = Sweep { frame, coarse, cells, weights, specular, by_pixel, emitters, tolerance };
+    let sweep =
+        Sweep { frame, coarse, cells, weights, specular, by_pixel, emitters, tolerance, of_paths };
     let n_rows = view.size().height as usize;
     let rest = account.watched(n_rows, |watch| sweep.all(&mut values, watch))?;
     let Rest { alone, lights, caustic, chains, known } = rest;
@@ -270,6 +273,8 @@ struct Sweep<'x, 'a> {
     /// Spheres around them.
     emitters: Vec<(Vec3A, f32)>,
     tolerance: Tolerance,
+    /// What paths that agree may bring differently, of all that is shown.
+    of_paths: f32,
 }
 
 /// Radiance of the subpixels of some rows.
@@ -445,9 +450,8 @@ impl Sweep<'_, '_> {
 
     /// The corners of a cell that show the same as the first by mirrors and glass.
     fn agreeing(&self, cell: &[usize; 4]) -> [bool; 4] {
-        let tolerance = self.tolerance.error;
         cell.map(|corner| {
-            self.specular.agree(self.by_pixel, &self.emitters, tolerance, cell[0], corner)
+            self.specular.agree(self.by_pixel, &self.emitters, self.of_paths, cell[0], corner)
         })
     }
 
@@ -482,7 +486,7 @@ impl Sweep<'_, '_> {
             if are_even && corners.span(|i| self.specular.radiance(i)) <= limit {
                 return Ok(radiance);
             }
-            let (by_pixel, tolerance) = (self.by_pixel, self.tolerance.error);
+            let (by_pixel, tolerance) = (self.by_pixel, self.of_paths);
             self.specular.tell(by_pixel, &self.emitters, tolerance, &corners, limit, known);
         }
         let has_highlight = corners.iter().any(|(i, _)| self.by_pixel.has_highlight(i, shown));
