@@ -32,7 +32,9 @@ impl Bench {
     /// Of a scene of the folder `scenes`.
     pub(super) fn of_scene(name: &str, photons: &str) -> Self {
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
-        Self::new(tempfile::tempdir().unwrap(), scenes.join(name).join("scene.toml"), photons)
+        let files = ["scene.toml", "scene.xml"].map(|file| scenes.join(name).join(file));
+        let scene = files.into_iter().find(|file| file.exists()).unwrap();
+        Self::new(tempfile::tempdir().unwrap(), scene, photons)
     }
 
     fn new(folder: TempDir, scene: PathBuf, photons: &str) -> Self {

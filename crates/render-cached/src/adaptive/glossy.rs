@@ -9,6 +9,7 @@ use std::ops::ControlFlow;
 
 use base::{Component, Grid, Interrupted, Pixel, Rgb, math::FRAC_1_PI};
 use cache_map::{Lattice, Layer, Reason, Rule, Tolerance, refine};
+use rayon::prelude::*;
 use scene::{Material, Specular, fresnel_conductor};
 use shade::ChainLeaf;
 
@@ -75,6 +76,14 @@ impl Glossy {
             is_followed: false,
         };
         Self { pixels, layers: Some(layers) }
+    }
+
+    /// Adds what it shows to the other specular radiance of all pixels: memory is touched only if there is any.
+    pub(crate) fn add_to(&self, specular: &mut [Rgb]) {
+        if self.layers.is_some() {
+            let each = specular.par_iter_mut().with_min_len(4096).enumerate();
+            each.for_each(|(i, value)| *value += self.radiance(i));
+        }
     }
 
     pub(crate) fn radiance(&self, index: usize) -> Rgb {
@@ -222,6 +231,6 @@ fn tint_of(material: &Material) -> Rgb {
     tint.map(|t| t.max(1e-3))
 }
 
-fn divided(a: Rgb, b: Rgb) -> Rgb {
+pub(super) fn divided(a: Rgb, b: Rgb) -> Rgb {
     Rgb::new(a.r / b.r, a.g / b.g, a.b / b.b)
 }

@@ -82,7 +82,8 @@ pub(crate) fn render(
     let saved = records::Saved::open(args, frame, inputs)?;
     let mut account = Account::new(frame, clock, progress);
     let has_file = args.paper.save_cache.is_some() || args.paper.from_cache.is_some();
-    if !has_file && !whole::cache_pays(&mut account)? {
+    let mut strictness = Strictness::new(args.error, frame.shader().is_gathering());
+    if !has_file && !whole::cache_pays(&strictness, &mut account)? {
         let (counts, cache) = account.close();
         let mut rendered = whole::render(args, &frame.thinned(1), clock, progress)?;
         rendered.counts += counts;
@@ -97,7 +98,6 @@ pub(crate) fn render(
         None => None,
         Some(coarse) => Some(Told::new(args, fine, coarse, &mut account)?),
     };
-    let mut strictness = Strictness::new(args.error, frame.shader().is_gathering());
     let (view, mut primary) = loop {
         account.frame = frame;
         let view = View::new(frame, args.supersample);
@@ -199,8 +199,7 @@ pub(crate) fn render(
     };
     let Primary { direct, indirect, caustic } = primary;
     let mut of_specular = specular.into_radiance();
-    let each = of_specular.par_iter_mut().with_min_len(4096).enumerate();
-    each.for_each(|(i, value)| *value += glossy.radiance(i));
+    glossy.add_to(&mut of_specular);
     let values = Components {
         direct: scaled(direct.into_irradiance()),
         indirect: scaled(indirect.layer.values),

@@ -219,8 +219,7 @@ pub(super) fn render(
     let sharp = |i: usize| values.specular[i];
     glossy.resolve(view, finished, sharp, strictness.tolerance_of_glossy(), account)?;
     glossy.tell(&mut reasons.specular, &mut levels.specular);
-    let all = values.specular.par_iter_mut().with_min_len(4096).enumerate();
-    all.for_each(|(i, value)| *value += glossy.radiance(i));
+    glossy.add_to(&mut values.specular);
     let Components { direct, indirect, specular, caustic } = values;
     let grid = |values| Grid::from_values(size, values);
     let values = Components {
