@@ -89,6 +89,7 @@ pub(crate) fn cache_pays(
     Ok(saved >= LEAST_WORK * (1.0 + TWICE_AT / n_pixels as f64) * n + again)
 }
 
+/// All components of a pixel, computed; nothing where it shows no surface.
 fn of_pixel(frame: &Frame<'_>, pixel: Pixel, work: &mut Work) -> Option<Probed> {
     let shader = frame.shader();
     let taken = |work: &Work| {
